@@ -1,0 +1,156 @@
+"""Following one target through a stream of stamped frames: what node and replay share."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from statistics import median
+from typing import Any
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.parameters import Value
+from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
+
+
+class Cadence:
+    """
+    Tells how many frame intervals passed between two stamps.
+
+    The interval is the median of the latest ones, so that neither jitter nor a dropped frame
+    moves it.
+
+    Parameters
+    ----------
+    memory : int
+        How many intervals the median is taken over.
+
+    """
+
+    def __init__(self, memory: int = 15) -> None:
+        self._intervals: deque[int] = deque(maxlen=memory)
+
+    def step(self, interval: int) -> float:
+        """Return the number of frame intervals in `interval` nanoseconds: a whole number >= 1."""
+        self._intervals.append(interval)
+        return float(max(1, round(interval / max(1, median(self._intervals)))))
+
+
+class Follower:
+    """
+    Runs the chosen tracker over stamped frames and keeps the target through every change.
+
+    A stamp that goes backwards (a bag that loops, a clock that was set back) or a frame of another
+    size ends the tracking: the follower then has no target until it's started again.
+
+    Parameters
+    ----------
+    tracker : str
+        The tracker's name.
+    seed : int
+        The seed of every tracker that it makes.
+    parameters : mapping of str to mapping
+        Tracker name -> parameter name -> value; what's missing has its default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a name or a value is wrong.
+
+    """
+
+    def __init__(self, tracker: str = 'gmpf', seed: int = 0,
+                 parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+        self._parameters: dict[str, dict[str, Value]] = {}
+        self._seed = seed
+        self._name = tracker
+        for owner, values in (parameters or {}).items():
+            self._parameters[owner] = tracker_class(owner).PARAMETERS.checked(values, owner)
+        self._tracker = self._create(tracker)
+        self._estimate: Estimate | None = None
+        self._frame: Frame | None = None
+        self._stamp = 0
+        self._cadence = Cadence()
+
+    @property
+    def tracker(self) -> str:
+        """The name of the tracker in use."""
+        return self._name
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The latest estimate; None while there is no target."""
+        return self._estimate
+
+    def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
+        """
+        Begin on the target in `box`; errors as `Tracker.start`.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        stamp : int, [ns]
+        box : Box
+
+        """
+        tracker = self._create(self._name)
+        estimate = tracker.start(frame, box)
+        self._tracker, self._estimate, self._frame = tracker, estimate, frame
+        self._stamp = stamp
+        self._cadence = Cadence()
+        return estimate
+
+    def update(self, frame: Frame, stamp: int) -> Estimate | None:
+        """
+        Take the next frame; None where there is no target (any more).
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        stamp : int, [ns]
+
+        """
+        if self._estimate is None or self._frame is None:
+            return None
+        if stamp <= self._stamp or frame.shape != self._frame.shape:
+            self.forget()
+            return None
+        dt = self._cadence.step(stamp - self._stamp)
+        self._estimate = self._tracker.update(frame, dt)
+        self._frame, self._stamp = frame, stamp
+        return self._estimate
+
+    def forget(self) -> None:
+        """Give up the target."""
+        self._estimate = self._frame = None
+
+    def change(self, tracker: str | None = None, seed: int | None = None,
+               parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+        """
+        Change the tracker or any tracker's parameters; in force from the next frame on.
+
+        A changed parameter keeps the running tracker's memory; another tracker starts on the
+        latest frame and box. A new seed is used from the next start on.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a name or a value is wrong; then nothing is changed.
+
+        """
+        name = self._name if tracker is None else tracker
+        tracker_class(name)
+        checked = {owner: tracker_class(owner).PARAMETERS.checked(values, owner)
+                   for owner, values in (parameters or {}).items()}
+        for owner, values in checked.items():
+            self._parameters.setdefault(owner, {}).update(values)
+        self._seed = self._seed if seed is None else seed
+        if name != self._name:
+            self._name = name
+            self._tracker = self._create(name)
+            if self._estimate is not None and self._frame is not None:
+                self._estimate = self._tracker.start(self._frame, self._estimate.box)
+        elif name in checked:
+            self._tracker.configure(**checked[name])
+
+    def _create(self, name: str) -> Tracker:
+        return create_tracker(name, seed=self._seed, **self._parameters.get(name, {}))

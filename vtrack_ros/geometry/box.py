@@ -1,0 +1,97 @@
+"""Axis-aligned boxes in image coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Box:
+    """
+    An axis-aligned box, in pixels.
+
+    The origin is the outer corner of the image's top-left pixel, x points right and y down: the
+    pixel in column `i` covers `i <= x < i + 1`. A box may reach beyond the image.
+
+    Parameters
+    ----------
+    x, y : float, [px]
+        The top-left corner.
+    width, height : float, [px]
+        The size; both positive.
+
+    Raises
+    ------
+    TypeError
+        If a value isn't a real number.
+    ValueError
+        If a value isn't finite, or a size isn't positive.
+
+    """
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def __post_init__(self) -> None:
+        """Convert the values to float and check them."""
+        for name in ('x', 'y', 'width', 'height'):
+            value = getattr(self, name)
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                raise TypeError(
+                    f'box {name} must be a number of pixels, not {value!r}') from None
+            if not math.isfinite(number):
+                raise ValueError(f'box {name} must be finite, not {number}')
+            object.__setattr__(self, name, number)
+        if self.width <= 0 or self.height <= 0:
+            raise ValueError(
+                f'box width and height must be positive, not {self.width:g} x {self.height:g}')
+
+    @classmethod
+    def from_center(cls, cx: float, cy: float, width: float, height: float) -> Box:
+        """Make the box of a given centre and size, all in pixels."""
+        return cls(cx - width / 2, cy - height / 2, width, height)
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """The centre (x, y), in pixels."""
+        return self.x + self.width / 2, self.y + self.height / 2
+
+    @property
+    def area(self) -> float:
+        """The area, in square pixels."""
+        return self.width * self.height
+
+    def as_array(self) -> NDArray[np.float64]:
+        """Return (x, y, width, height) as an array of shape (4,), in pixels."""
+        return np.array([self.x, self.y, self.width, self.height])
+
+    def clipped(self, image_width: int, image_height: int) -> Box | None:
+        """Return the part inside an image of that size, or None where nothing is inside."""
+        left, top = max(self.x, 0.0), max(self.y, 0.0)
+        right = min(self.x + self.width, float(image_width))
+        bottom = min(self.y + self.height, float(image_height))
+        if right <= left or bottom <= top:
+            return None
+        return Box(left, top, right - left, bottom - top)
+
+    def iou(self, other: Box) -> float:
+        """Return the intersection over union with another box, in [0, 1]."""
+        overlap_x = min(self.x + self.width, other.x + other.width) - max(self.x, other.x)
+        overlap_y = min(self.y + self.height, other.y + other.height) - max(self.y, other.y)
+        if overlap_x <= 0 or overlap_y <= 0:
+            return 0.0
+        overlap = overlap_x * overlap_y
+        return overlap / (self.area + other.area - overlap)
+
+    def center_distance(self, other: Box) -> float:
+        """Return the distance between the two centres, in pixels."""
+        (ax, ay), (bx, by) = self.center, other.center
+        return math.hypot(ax - bx, ay - by)

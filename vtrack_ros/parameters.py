@@ -1,0 +1,157 @@
+"""The one table that parameters come from: type, default, range, unit and description."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+import math
+from typing import Any
+
+#: What a parameter may hold.
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """
+    One parameter: everything that a node, a command line or a manual has to know about it.
+
+    Parameters
+    ----------
+    name : str
+        The name, in lower case with underscores.
+    default : bool, int, float or str
+        The default, whose type is the parameter's type.
+    description : str
+        One sentence for a person.
+    low, high : float, optional
+        The closed range of a number.
+    unit : str
+        The unit of a number, such as ``px``; empty where it has none.
+    choices : tuple of str
+        The valid words of a string; empty where any string will do.
+    dynamic : bool
+        Whether it may change while the tracker runs.
+
+    """
+
+    name: str
+    default: Value
+    description: str
+    low: float | None = None
+    high: float | None = None
+    unit: str = ''
+    choices: tuple[str, ...] = ()
+    dynamic: bool = True
+
+    @property
+    def type(self) -> type[Value]:
+        """The type of the values."""
+        return type(self.default)
+
+    @property
+    def valid(self) -> str:
+        """What is valid, in words."""
+        if self.choices:
+            return 'one of ' + ', '.join(self.choices)
+        words = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
+        text = words[self.type]
+        if self.low is not None and self.high is not None:
+            text += f' from {self.low:g} to {self.high:g}'
+        return text + (f' {self.unit}' if self.unit else '')
+
+    def checked(self, value: Any) -> Value:
+        """
+        Return `value` in the parameter's type.
+
+        Raises
+        ------
+        TypeError
+            If it's of another type (an integer is taken for a float).
+        ValueError
+            If it's outside the range, not finite, or not among the choices.
+
+        """
+        kind = self.type
+        if kind is bool or isinstance(value, bool):
+            fits = kind is bool and isinstance(value, bool)
+        elif kind is int:
+            fits = hasattr(value, '__index__')
+        elif kind is float:
+            fits = hasattr(value, '__float__') and not isinstance(value, str)
+        else:
+            fits = isinstance(value, str)
+        if not fits:
+            raise TypeError(f'{self.name} must be {self.valid}, not {value!r}')
+        result: Value = kind(value)
+        if self.choices and result not in self.choices:
+            raise ValueError(f'{self.name} must be {self.valid}, not {value!r}')
+        if isinstance(result, (int, float)) and kind is not bool:
+            below = self.low is not None and result < self.low
+            above = self.high is not None and result > self.high
+            if below or above or not math.isfinite(result):
+                raise ValueError(f'{self.name} must be {self.valid}, not {value!r}')
+        return result
+
+    def parsed(self, text: str) -> Value:
+        """Return the value that `text` spells, as on a command line; errors as `checked`."""
+        value: Value = text
+        try:
+            if self.type is bool:
+                value = {'true': True, 'false': False}[text.lower()]
+            elif self.type is not str:
+                value = self.type(text)
+        except (KeyError, ValueError):
+            raise ValueError(f'{self.name} must be {self.valid}, not {text!r}') from None
+        return self.checked(value)
+
+
+class ParameterTable(Mapping[str, Parameter]):
+    """An ordered table of parameters by name."""
+
+    def __init__(self, parameters: Iterable[Parameter]) -> None:
+        self._rows = {parameter.name: parameter for parameter in parameters}
+
+    def __getitem__(self, name: str) -> Parameter:
+        """Return the parameter of that name."""
+        return self._rows[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names, in the table's order."""
+        return iter(self._rows)
+
+    def __len__(self) -> int:
+        """Return the number of parameters."""
+        return len(self._rows)
+
+    def __add__(self, other: ParameterTable) -> ParameterTable:
+        """Return a table of both; a row of `other` replaces the row of the same name."""
+        return ParameterTable({**self._rows, **other._rows}.values())
+
+    def defaults(self) -> dict[str, Value]:
+        """Return name -> default."""
+        return {name: row.default for name, row in self._rows.items()}
+
+    def checked(self, values: Mapping[str, Any], owner: str = '') -> dict[str, Value]:
+        """
+        Return the values in their parameters' types; none is taken when one is wrong.
+
+        Parameters
+        ----------
+        values : mapping
+            Name -> value; names that are missing stay missing.
+        owner : str
+            Whose parameters they are, for the message of an unknown name.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `Parameter.checked`; an unknown name is a ValueError that lists the valid ones.
+
+        """
+        for name in values:
+            if name not in self._rows:
+                whose = f' of {owner}' if owner else ''
+                raise ValueError(
+                    f'unknown parameter{whose}: {name!r}; valid are ' + ', '.join(self._rows))
+        return {name: self._rows[name].checked(value) for name, value in values.items()}

@@ -1,0 +1,228 @@
+"""What a tracker is: started on a box, updated with frames, honest about what it knows."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+import enum
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.parameters import ParameterTable, Value
+
+#: A frame: uint8, shape (H, W, 3) in BGR order or (H, W).
+Frame = NDArray[np.uint8]
+
+
+class TrackState(enum.Enum):
+    """What the box of an estimate is worth."""
+
+    TRACKING = 'tracking'
+    """Measured in this frame."""
+    SEARCHING = 'searching'
+    """Out of sight: the box is a prediction, and the tracker looks for the target."""
+    LOST = 'lost'
+    """Out of sight for so long that the prediction means nothing; the search goes on."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    What a tracker knows after a frame.
+
+    Parameters
+    ----------
+    box : Box
+        The target's axis-aligned bound.
+    angle : float, [rad]
+        The rotation since the start about the optical axis (x right, y down, z forward), so
+        clockwise is positive as one looks at the image.
+    covariance : ndarray, shape (4, 4), [px^2]
+        Of (centre x, centre y, width, height).
+    confidence : float
+        In [0, 1]: how sure the tracker is that the box is on the target.
+    state : TrackState
+        Whether the box is measured or predicted.
+    particles : ndarray, shape (N, 4), [px], optional
+        The particles' (centre x, centre y, width, height), for those who draw them.
+    affine : ndarray, shape (3, 3), optional
+        The target's whole affine frame: maps the unit square about the origin onto the target.
+
+    """
+
+    box: Box
+    angle: float
+    covariance: NDArray[np.float64]
+    confidence: float
+    state: TrackState
+    particles: NDArray[np.float64] | None = None
+    affine: NDArray[np.float64] | None = None
+
+    @property
+    def measured(self) -> bool:
+        """Whether the box was measured in this frame, and isn't a prediction."""
+        return self.state is TrackState.TRACKING
+
+
+class Tracker(ABC):
+    """
+    A single-object tracker.
+
+    Parameters
+    ----------
+    seed : int, numpy.random.Generator or None
+        Where its randomness comes from; with the same seed and frames it gives the same output.
+    **parameters
+        Those of the class's table `PARAMETERS`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is unknown, of the wrong type or out of range.
+
+    """
+
+    NAME: ClassVar[str]
+    SUMMARY: ClassVar[str]
+    PARAMETERS: ClassVar[ParameterTable]
+
+    def __init__(
+            self, seed: int | np.random.Generator | None = None, **parameters: Any) -> None:
+        checked = self.PARAMETERS.checked(parameters, self.NAME)
+        self._parameters: dict[str, Value] = {**self.PARAMETERS.defaults(), **checked}
+        self._rng = np.random.default_rng(seed)
+        self._frame_shape: tuple[int, ...] | None = None
+        self._configure()
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """A copy of the parameters in force."""
+        return dict(self._parameters)
+
+    def configure(self, **changes: Any) -> None:
+        """
+        Change parameters; in force from the next frame on, and the target is kept.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a change is wrong; then none is made.
+
+        """
+        self._parameters.update(self.PARAMETERS.checked(changes, self.NAME))
+        self._configure()
+
+    def start(self, frame: Frame, box: Box) -> Estimate:
+        """
+        Begin, or begin again, on the target that `box` shows.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        box : Box
+            May reach beyond the image, but needs a part inside it.
+
+        Raises
+        ------
+        TypeError
+            If the frame isn't an ndarray of uint8, or the box isn't a Box.
+        ValueError
+            If the frame has another shape, or no pixel of the box is inside it.
+
+        """
+        frame = checked_frame(frame)
+        checked_box(box, frame)
+        self._frame_shape = frame.shape
+        return self._start(frame, box)
+
+    def update(self, frame: Frame, dt: float = 1.0) -> Estimate:
+        """
+        Find the target in the next frame.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+            Of the same shape as the one given to `start`.
+        dt : float, [frames]
+            The time since the last frame, in frame intervals: 1 unless frames were dropped.
+
+        Raises
+        ------
+        RuntimeError
+            If the tracker was never started.
+        TypeError, ValueError
+            If the frame's type or shape is wrong, or dt isn't positive; the tracker is as it was.
+
+        """
+        if self._frame_shape is None:
+            raise RuntimeError(f'{self.NAME}: start(frame, box) comes before update(frame)')
+        frame = checked_frame(frame)
+        if frame.shape != self._frame_shape:
+            raise ValueError(
+                f'frame shape changed from {self._frame_shape} to {frame.shape}: '
+                'start again on a box in the new frame')
+        if not (math.isfinite(dt) and dt > 0):
+            raise ValueError(f'dt must be a positive number of frame intervals, not {dt!r}')
+        return self._update(frame, float(dt))
+
+    @abstractmethod
+    def _configure(self) -> None:
+        """Derive whatever depends on the parameters; called before the first frame too."""
+
+    @abstractmethod
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        """Begin on a checked frame and box."""
+
+    @abstractmethod
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        """Take one checked frame."""
+
+
+def checked_frame(frame: Any) -> Frame:
+    """
+    Return a contiguous frame.
+
+    Raises
+    ------
+    TypeError
+        If it isn't an ndarray of uint8.
+    ValueError
+        If its shape is neither (H, W, 3) nor (H, W), or it's empty.
+
+    """
+    if not isinstance(frame, np.ndarray):
+        raise TypeError(f'frame must be a numpy array of uint8, not {type(frame).__name__}')
+    if frame.dtype != np.uint8:
+        raise TypeError(f'frame must be of uint8, not {frame.dtype}')
+    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] != 3):
+        raise ValueError(
+            f'frame must have shape (H, W, 3) in BGR order or (H, W), not {frame.shape}')
+    if 0 in frame.shape:
+        raise ValueError(f'frame must have at least one pixel, but its shape is {frame.shape}')
+    return np.ascontiguousarray(frame)
+
+
+def checked_box(box: Any, frame: Frame) -> None:
+    """
+    Check that a box has a part inside a frame.
+
+    Raises
+    ------
+    TypeError
+        If it isn't a Box.
+    ValueError
+        If no pixel of it is inside.
+
+    """
+    if not isinstance(box, Box):
+        raise TypeError(f'box must be a Box(x, y, width, height), not {type(box).__name__}')
+    height, width = frame.shape[:2]
+    inside = box.clipped(width, height)
+    if inside is None:
+        raise ValueError(
+            f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g}) has no pixel inside '
+            f'the image of {width} x {height}')
