@@ -8,8 +8,9 @@ The trackers, behind one face.
 
 """
 
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers.base import Estimate, Frame, Tracker, TrackState
+from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
 from vtrack_ros.trackers.registry import create_tracker, tracker_class, tracker_names
 
 __all__ = [

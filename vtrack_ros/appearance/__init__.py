@@ -1,0 +1,1 @@
+"""What a target looks like in pixels."""
