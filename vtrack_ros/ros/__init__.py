@@ -1,0 +1,1 @@
+"""What knows ROS messages: images, parameters, diagnostics."""

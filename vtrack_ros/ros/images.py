@@ -1,0 +1,262 @@
+"""
+Images as messages and as arrays, both ways.
+
+Anything with the attributes of sensor_msgs/msg/Image or CompressedImage will do, whether it comes
+from rclpy or from a bag: nothing here needs ROS.
+"""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.trackers import Frame
+
+
+@dataclass(frozen=True)
+class _Encoding:
+    """
+    How the pixels of an encoding lie in memory, and how they become a frame.
+
+    Parameters
+    ----------
+    channels : int
+        Values per pixel.
+    convert : int, optional
+        The OpenCV code that turns (H, W, channels) into BGR; None where that's what they are.
+    bits : int
+        Bits per value, 8 or 16.
+    width_multiple : int
+        What the width must be a multiple of.
+    minimum_size : int
+        The smallest width and height, in pixels.
+
+    """
+
+    channels: int
+    convert: int | None = None
+    bits: int = 8
+    width_multiple: int = 1
+    minimum_size: int = 1
+
+
+def _bayer(code: int, bits: int = 8) -> _Encoding:
+    return _Encoding(1, code, bits, minimum_size=3)
+
+
+_UYVY = _Encoding(2, cv2.COLOR_YUV2BGR_UYVY, width_multiple=2)
+_YUYV = _Encoding(2, cv2.COLOR_YUV2BGR_YUY2, width_multiple=2)
+
+# OpenCV names a Bayer pattern by the second row's second and third pixel, ROS by the first two
+# rows' first two: ROS's RGGB is OpenCV's BG.
+_ENCODINGS = {
+    'mono8': _Encoding(1),
+    '8UC1': _Encoding(1),
+    'mono16': _Encoding(1, bits=16),
+    '16UC1': _Encoding(1, bits=16),
+    'bgr8': _Encoding(3),
+    '8UC3': _Encoding(3),
+    'rgb8': _Encoding(3, cv2.COLOR_RGB2BGR),
+    'bgra8': _Encoding(4, cv2.COLOR_BGRA2BGR),
+    '8UC4': _Encoding(4, cv2.COLOR_BGRA2BGR),
+    'rgba8': _Encoding(4, cv2.COLOR_RGBA2BGR),
+    'bgr16': _Encoding(3, bits=16),
+    'rgb16': _Encoding(3, cv2.COLOR_RGB2BGR, bits=16),
+    'yuv422': _UYVY,
+    'uyvy': _UYVY,
+    'yuv422_yuy2': _YUYV,
+    'yuyv': _YUYV,
+    'bayer_rggb8': _bayer(cv2.COLOR_BayerBG2BGR),
+    'bayer_bggr8': _bayer(cv2.COLOR_BayerRG2BGR),
+    'bayer_gbrg8': _bayer(cv2.COLOR_BayerGR2BGR),
+    'bayer_grbg8': _bayer(cv2.COLOR_BayerGB2BGR),
+    'bayer_rggb16': _bayer(cv2.COLOR_BayerBG2BGR, 16),
+    'bayer_bggr16': _bayer(cv2.COLOR_BayerRG2BGR, 16),
+    'bayer_gbrg16': _bayer(cv2.COLOR_BayerGR2BGR, 16),
+    'bayer_grbg16': _bayer(cv2.COLOR_BayerGB2BGR, 16),
+}
+
+#: The encodings that `to_frame` reads.
+ENCODINGS = tuple(_ENCODINGS)
+
+#: The encodings that `fill_image` writes.
+WRITABLE_ENCODINGS = ('mono8', 'bgr8', 'rgb8')
+
+
+def to_frame(message: Any) -> Frame:
+    """
+    Return the pixels of an image message.
+
+    Sixteen bits become eight by full scale: 65535 is 255, whatever the image holds, so that the
+    brightness of a scene doesn't jump from frame to frame.
+
+    Parameters
+    ----------
+    message : sensor_msgs/msg/Image
+        Or anything with its attributes.
+
+    Returns
+    -------
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        Contiguous. Where nothing has to be converted it shares the message's memory, and is
+        read-only if that is.
+
+    Raises
+    ------
+    ValueError
+        If the encoding is unknown, the size is zero, or step and data don't fit the size.
+
+    """
+    width, height, step = int(message.width), int(message.height), int(message.step)
+    encoding = _encoding(message.encoding, width, height)
+    row = width * encoding.channels * encoding.bits // 8
+    if step < row:
+        raise ValueError(
+            f'image step is {step} bytes, but {width} pixels of {message.encoding} need at '
+            f'least {row}')
+    data = _bytes(message.data)
+    if data.size != step * height:
+        raise ValueError(
+            f'image data has {data.size} bytes, but step {step} times height {height} is '
+            f'{step * height}')
+    shape: tuple[int, ...] = (height, width)
+    if encoding.channels > 1:
+        shape += (encoding.channels,)
+    if encoding.bits == 16:
+        return _sixteen_bits(data, shape, step, bool(message.is_bigendian), encoding)
+    pixels = data.reshape(height, step)[:, :row].reshape(shape)
+    if encoding.convert is None:
+        return np.ascontiguousarray(pixels)
+    return _converted(pixels, encoding.convert)
+
+
+def compressed_to_frame(message: Any) -> Frame:
+    """
+    Return the pixels of a compressed image message (JPEG, PNG or whatever else OpenCV reads).
+
+    Parameters
+    ----------
+    message : sensor_msgs/msg/CompressedImage
+        Or anything with its attributes.
+
+    Returns
+    -------
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+
+    Raises
+    ------
+    ValueError
+        If the data isn't an image that can be decoded.
+
+    """
+    if 'compressedDepth' in message.format:
+        raise ValueError(
+            f'compressed image format {message.format!r} is a depth image; valid are jpeg and png')
+    data = _bytes(message.data)
+    flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+    try:
+        pixels = cv2.imdecode(data, flags) if data.size else None
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise ValueError(
+            f'compressed image of {data.size} bytes, format {message.format!r}, '
+            "can't be decoded: its data is neither a whole jpeg nor a whole png")
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise ValueError(
+            f'compressed image holds {pixels.dtype} values; valid are 8 or 16 bits per channel')
+    wide = pixels.dtype == np.uint16
+    frame = _narrowed(pixels.astype(np.uint16)) if wide else np.asarray(pixels, np.uint8)
+    if frame.ndim == 3 and frame.shape[2] == 4:
+        return _converted(frame, cv2.COLOR_BGRA2BGR)
+    return np.ascontiguousarray(frame)
+
+
+def fill_image(message: Any, frame: Frame, encoding: str | None = None) -> None:
+    """
+    Write a frame into an image message: size, encoding, step and data, but not the header.
+
+    Parameters
+    ----------
+    message : sensor_msgs/msg/Image
+        Or anything with its attributes.
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+    encoding : str, optional
+        One of `WRITABLE_ENCODINGS`; by default mono8 or bgr8, as the frame is.
+
+    Raises
+    ------
+    ValueError
+        If the encoding isn't one of them.
+
+    """
+    own = 'mono8' if frame.ndim == 2 else 'bgr8'
+    encoding = own if encoding is None else encoding
+    if encoding not in WRITABLE_ENCODINGS:
+        raise ValueError(
+            f'cannot write image encoding {encoding!r}; valid are ' +
+            ', '.join(WRITABLE_ENCODINGS))
+    codes: dict[tuple[str, str], int] = {
+        ('mono8', 'bgr8'): cv2.COLOR_GRAY2BGR, ('mono8', 'rgb8'): cv2.COLOR_GRAY2RGB,
+        ('bgr8', 'mono8'): cv2.COLOR_BGR2GRAY, ('bgr8', 'rgb8'): cv2.COLOR_BGR2RGB}
+    pixels = frame if encoding == own else _converted(frame, codes[own, encoding])
+    message.height, message.width = pixels.shape[:2]
+    message.encoding = encoding
+    message.is_bigendian = 0
+    message.step = pixels.shape[1] * (1 if pixels.ndim == 2 else 3)
+    # rclpy takes an array as it is; a list, ndarray or memoryview it copies value by value.
+    data = array('B')
+    data.frombytes(np.ascontiguousarray(pixels).data)
+    message.data = data
+
+
+def stamp_nanoseconds(stamp: Any) -> int:
+    """Return a builtin_interfaces/msg/Time, or anything with its attributes, in nanoseconds."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def _encoding(name: str, width: int, height: int) -> _Encoding:
+    if name not in _ENCODINGS:
+        raise ValueError(
+            f'unknown image encoding {name!r}; valid are ' + ', '.join(_ENCODINGS))
+    if width <= 0 or height <= 0:
+        raise ValueError(
+            f'image size is {width} x {height}; both must be at least 1')
+    encoding = _ENCODINGS[name]
+    if min(width, height) < encoding.minimum_size:
+        raise ValueError(
+            f'image size is {width} x {height}, but {name} needs at least '
+            f'{encoding.minimum_size} x {encoding.minimum_size}')
+    if width % encoding.width_multiple:
+        raise ValueError(
+            f'image width is {width}, but {name} needs a multiple of {encoding.width_multiple}')
+    return encoding
+
+
+def _bytes(data: Any) -> NDArray[np.uint8]:
+    """Return a message's data as bytes, without a copy."""
+    return np.frombuffer(data, np.uint8) if len(data) else np.zeros(0, np.uint8)
+
+
+def _sixteen_bits(data: NDArray[np.uint8], shape: tuple[int, ...], step: int, bigendian: bool,
+                  encoding: _Encoding) -> Frame:
+    channels = encoding.channels
+    strides = (step, 2 * channels, 2)[:len(shape)]
+    order = '>' if bigendian else '<'
+    pixels = np.ndarray(shape, np.dtype(order + 'u2'), data, strides=strides)
+    native = np.ascontiguousarray(pixels, np.uint16)
+    narrow = _narrowed(native)
+    return narrow if encoding.convert is None else _converted(narrow, encoding.convert)
+
+
+def _narrowed(pixels: NDArray[np.uint16]) -> Frame:
+    return np.asarray(cv2.convertScaleAbs(pixels, alpha=255 / 65535), np.uint8)
+
+
+def _converted(pixels: NDArray[np.uint8], code: int) -> Frame:
+    return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
