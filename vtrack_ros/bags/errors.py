@@ -1,0 +1,5 @@
+"""What goes wrong with bags."""
+
+
+class BagError(Exception):
+    """A bag that can't be read or written; the message says which, why, and what would do."""

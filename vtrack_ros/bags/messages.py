@@ -1,0 +1,148 @@
+"""The messages that travel in our bags, made and read without ROS."""
+
+from __future__ import annotations
+
+from functools import cache
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from rosbags.typesys.store import Typestore
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.ros.images import fill_image
+from vtrack_ros.trackers import Frame
+
+IMAGE = 'sensor_msgs/msg/Image'
+COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
+DETECTIONS = 'vision_msgs/msg/Detection2DArray'
+POSE = 'geometry_msgs/msg/PoseStamped'
+
+#: The types that frames are read from.
+IMAGE_TYPES = (IMAGE, COMPRESSED_IMAGE)
+
+# Facts about vision_msgs 4.1, which rosbags' type store lacks. They stand here and not in a file,
+# because bags are read where vision_msgs isn't installed.
+_VISION_MSGS = {
+    'Point2D': 'float64 x\nfloat64 y\n',
+    'Pose2D': 'vision_msgs/Point2D position\nfloat64 theta\n',
+    'BoundingBox2D': 'vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n',
+    'ObjectHypothesis': 'string class_id\nfloat64 score\n',
+    'ObjectHypothesisWithPose':
+        'vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n',
+    'Detection2D':
+        'std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n'
+        'vision_msgs/BoundingBox2D bbox\nstring id\n',
+    'Detection2DArray':
+        'std_msgs/Header header\nvision_msgs/Detection2D[] detections\n',
+}
+
+
+@cache
+def typestore() -> Typestore:
+    """Return the message types of ROS 2 Jazzy, and those of vision_msgs that we use."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = {}
+    for name, definition in _VISION_MSGS.items():
+        types.update(get_types_from_msg(definition, f'vision_msgs/msg/{name}'))
+    store.register(types)
+    return store
+
+
+def header(stamp: int, frame_id: str) -> Any:
+    """Return a std_msgs/msg/Header of a stamp in nanoseconds."""
+    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+    return _make(
+        'std_msgs/msg/Header',
+        stamp=_make('builtin_interfaces/msg/Time', sec=seconds, nanosec=nanoseconds),
+        frame_id=frame_id)
+
+
+def image(frame: Frame, stamp: int, frame_id: str) -> Any:
+    """Return a sensor_msgs/msg/Image, bgr8 or mono8 as the frame is."""
+    message = _make(
+        IMAGE, header=header(stamp, frame_id), height=0, width=0, encoding='', is_bigendian=0,
+        step=0, data=np.zeros(0, np.uint8))
+    fill_image(message, frame)
+    message.data = np.frombuffer(message.data, np.uint8)
+    return message
+
+
+def compressed_image(frame: Frame, stamp: int, frame_id: str, compression: str) -> Any:
+    """
+    Return a sensor_msgs/msg/CompressedImage.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+    stamp : int, [ns]
+    frame_id : str
+    compression : {'png', 'jpeg'}
+
+    """
+    options = [cv2.IMWRITE_JPEG_QUALITY, 90] if compression == 'jpeg' else []
+    _, data = cv2.imencode('.jpg' if compression == 'jpeg' else '.png', frame, options)
+    encoding = 'mono8' if frame.ndim == 2 else 'bgr8'
+    return _make(
+        COMPRESSED_IMAGE, header=header(stamp, frame_id),
+        format=f'{encoding}; {compression} compressed {encoding}', data=data.ravel())
+
+
+def detections(
+        box: Box | None, stamp: int, frame_id: str, angle: float = 0.0,
+        score: float = 1.0) -> Any:
+    """
+    Return a vision_msgs/msg/Detection2DArray of one box, or an empty one for None.
+
+    Parameters
+    ----------
+    box : Box or None
+    stamp : int, [ns]
+    frame_id : str
+    angle : float, [rad]
+        What theta is set to.
+    score : float
+
+    """
+    found = []
+    if box is not None:
+        hypothesis = _make('vision_msgs/msg/ObjectHypothesis', class_id='target', score=score)
+        result = _make(
+            'vision_msgs/msg/ObjectHypothesisWithPose', hypothesis=hypothesis,
+            pose=_make('geometry_msgs/msg/PoseWithCovariance', pose=_pose(0.0, 0.0, 0.0),
+                       covariance=np.zeros(36)))
+        x, y = box.center
+        center = _make('vision_msgs/msg/Pose2D',
+                       position=_make('vision_msgs/msg/Point2D', x=x, y=y), theta=angle)
+        bounds = _make('vision_msgs/msg/BoundingBox2D', center=center, size_x=box.width,
+                       size_y=box.height)
+        found.append(_make('vision_msgs/msg/Detection2D', header=header(stamp, frame_id),
+                           results=[result], bbox=bounds, id=''))
+    return _make(DETECTIONS, header=header(stamp, frame_id), detections=found)
+
+
+def detected_box(message: Any) -> Box | None:
+    """Return the box of the first detection of a Detection2DArray; None of an empty one."""
+    if not message.detections:
+        return None
+    bounds = message.detections[0].bbox
+    return Box.from_center(bounds.center.position.x, bounds.center.position.y, bounds.size_x,
+                           bounds.size_y)
+
+
+def pose(x: float, y: float, angle: float, stamp: int, frame_id: str) -> Any:
+    """Return a geometry_msgs/msg/PoseStamped in the image plane: pixels, and radians about z."""
+    return _make(POSE, header=header(stamp, frame_id), pose=_pose(x, y, angle))
+
+
+def _pose(x: float, y: float, angle: float) -> Any:
+    return _make(
+        'geometry_msgs/msg/Pose', position=_make('geometry_msgs/msg/Point', x=x, y=y, z=0.0),
+        orientation=_make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=math.sin(angle / 2),
+                          w=math.cos(angle / 2)))
+
+
+def _make(name: str, **fields: Any) -> Any:
+    return typestore().types[name](**fields)

@@ -1,0 +1,283 @@
+"""Reading bags: rosbag2 in mcap and sqlite3, and ROS 1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+import sqlite3
+import struct
+from types import TracebackType
+from typing import Any
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1 import ReaderError as Ros1ReaderError
+from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2 import ReaderError as Ros2ReaderError
+from rosbags.serde import SerdeError
+from rosbags.typesys import TypesysError
+
+from vtrack_ros.bags import messages
+from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
+from vtrack_ros.geometry import Box
+from vtrack_ros.ros.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.trackers import Frame
+
+# What rosbags and the storage below it raise on data that isn't as it should be.
+_BROKEN = (
+    Ros1ReaderError, Ros2ReaderError, SerdeError, TypesysError, sqlite3.Error, struct.error,
+    AssertionError, AttributeError, EOFError, IndexError, KeyError,
+    MemoryError, OverflowError, RuntimeError, TypeError, ValueError)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag: its name, its message type, and how many messages it has."""
+
+    name: str
+    type: str
+    count: int
+
+
+@dataclass(frozen=True)
+class StampedFrame:
+    """
+    A frame of a bag.
+
+    Parameters
+    ----------
+    stamp : int, [ns]
+        From the message's header.
+    received : int, [ns]
+        When the bag recorded it.
+    frame_id : str
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+
+    """
+
+    stamp: int
+    received: int
+    frame_id: str
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """A message as the bag holds it: topic, type, reception in nanoseconds, and ROS 2 CDR."""
+
+    topic: str
+    type: str
+    received: int
+    data: bytes | memoryview
+
+
+class BagReader:
+    """
+    Reads a bag; a context manager.
+
+    Parameters
+    ----------
+    path : str or Path
+        A rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 .bag file.
+
+    Raises
+    ------
+    BagError
+        If it's missing, empty, truncated or otherwise broken: when it's opened, or when what is
+        broken comes up.
+
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._reader: Ros1Reader | Ros2Reader
+
+    def __enter__(self) -> BagReader:
+        """Open the bag."""
+        self._check_path()
+        try:
+            if self._is_ros1:
+                self._reader = Ros1Reader(self.path)
+            else:
+                self._reader = Ros2Reader(self.path)
+            self._reader.open()
+            empty = self._reader.message_count == 0
+        except _BROKEN as error:
+            raise self._broken(error) from error
+        except OSError as error:
+            raise BagError(f"{self.path} can't be read: {error.strerror or error}") from None
+        if empty:
+            self._reader.close()
+            raise BagError(f'{self.path} is empty: it holds no message')
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Close the bag."""
+        self._reader.close()
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """The topics by name."""
+        found: dict[str, Topic] = {}
+        for connection in self._reader.connections:
+            earlier = found.get(connection.topic)
+            count = connection.msgcount + (earlier.count if earlier else 0)
+            found[connection.topic] = Topic(connection.topic, connection.msgtype, count)
+        return found
+
+    @property
+    def duration(self) -> float:
+        """The time from the first message to the last, in seconds."""
+        return max(0, self._reader.duration - 1) / 1e9
+
+    def image_topic(self, name: str | None = None) -> Topic:
+        """
+        Return the topic of that name, or the only image topic there is.
+
+        Raises
+        ------
+        BagError
+            If there is no such topic, it holds no images, or there are several to choose from.
+
+        """
+        images = [topic for topic in self.topics.values()
+                  if topic.type in messages.IMAGE_TYPES and topic.count]
+        listed = ', '.join(f'{topic.name} ({topic.count})' for topic in images)
+        if not images:
+            others = ', '.join(f'{topic.name} ({topic.type})' for topic in self.topics.values())
+            raise BagError(f'{self.path} has no image topic with messages in it; it has {others}')
+        if name is None:
+            if len(images) > 1:
+                raise BagError(f'{self.path} has several image topics: choose one of {listed} '
+                               'with --topic')
+            return images[0]
+        wanted = '/' + name.lstrip('/')
+        for topic in images:
+            if topic.name == wanted:
+                return topic
+        if wanted in self.topics:
+            raise BagError(f'{self.path}: topic {wanted} holds {self.topics[wanted].type}, no '
+                           f'images; image topics are {listed}')
+        raise BagError(f'{self.path} has no topic {wanted}; image topics are {listed}')
+
+    def raw(self, topics: set[str] | None = None) -> Iterator[RawMessage]:
+        """
+        Iterate over the messages of some topics, or of all, in the order of reception.
+
+        Those of a ROS 1 bag are turned into ROS 2 messages; types unknown to Jazzy are left out.
+
+        Raises
+        ------
+        BagError
+            If the bag is broken, or ends before all promised messages came.
+
+        """
+        chosen = [connection for connection in self._reader.connections
+                  if (topics is None or connection.topic in topics) and self._known(connection)]
+        if not chosen:
+            return
+        promised = sum(connection.msgcount for connection in chosen)
+        count = 0
+        source = self._reader.messages(chosen)
+        while True:
+            try:
+                connection, received, data = next(source)
+                if self._is_ros1:
+                    data = messages.typestore().ros1_to_cdr(data, connection.msgtype)
+            except StopIteration:
+                break
+            except Exception as error:
+                # The storages raise what they like, and nothing but a storage runs here.
+                raise self._broken(error, f'after {count} messages') from error
+            count += 1
+            yield RawMessage(connection.topic, connection.msgtype, received, data)
+        if count < promised:
+            raise BagError(f'{self.path} is truncated: {promised} messages were recorded, but '
+                           f'only {count} are there')
+
+    def frames(self, topic: str | None = None,
+               malformed: list[str] | None = None) -> Iterator[StampedFrame]:
+        """
+        Iterate over the images of a topic.
+
+        Parameters
+        ----------
+        topic : str, optional
+            As in `image_topic`.
+        malformed : list of str, optional
+            Where messages go about images that can't be read, which are then left out.
+
+        Raises
+        ------
+        BagError
+            As `image_topic` and `raw`; and on the first image that can't be read, unless
+            `malformed` is given.
+
+        """
+        chosen = self.image_topic(topic)
+        for number, raw in enumerate(self.raw({chosen.name})):
+            message = self._deserialized(raw)
+            try:
+                compressed = raw.type == messages.COMPRESSED_IMAGE
+                frame = compressed_to_frame(message) if compressed else to_frame(message)
+            except ValueError as error:
+                text = f'{self.path}: image {number} of {chosen.name}: {error}'
+                if malformed is None:
+                    raise BagError(text) from None
+                malformed.append(text)
+                continue
+            yield StampedFrame(stamp_nanoseconds(message.header.stamp), raw.received,
+                               message.header.frame_id, frame)
+
+    def truth(self, topic: str = TRUTH_TOPIC) -> dict[int, Box | None]:
+        """
+        Return the true box of every stamp in nanoseconds; None where the target is absent.
+
+        It comes from the topic, or else from the CSV beside the bag; empty where there's neither.
+
+        """
+        known = self.topics.get(topic)
+        if known is not None and known.type == messages.DETECTIONS:
+            truth = {}
+            for raw in self.raw({topic}):
+                message = self._deserialized(raw)
+                stamp = stamp_nanoseconds(message.header.stamp)
+                truth[stamp] = messages.detected_box(message)
+            return truth
+        folder = self.path if self.path.is_dir() else self.path.parent
+        return read_truth(folder / TRUTH_FILE) if (folder / TRUTH_FILE).is_file() else {}
+
+    @property
+    def _is_ros1(self) -> bool:
+        return self.path.suffix == '.bag' and self.path.is_file()
+
+    def _known(self, connection: Connection) -> bool:
+        return not self._is_ros1 or connection.msgtype in messages.typestore().fielddefs
+
+    def _deserialized(self, raw: RawMessage) -> Any:
+        try:
+            return messages.typestore().deserialize_cdr(raw.data, raw.type)
+        except _BROKEN as error:
+            raise self._broken(error, f'in a message of {raw.topic}') from error
+
+    def _check_path(self) -> None:
+        path = self.path
+        if not path.exists():
+            raise BagError(f'{path} does not exist')
+        if path.is_file():
+            if path.suffix not in ('.mcap', '.db3', '.bag'):
+                raise BagError(f'{path} is not a bag: it must be a rosbag2 folder or a .mcap, '
+                               '.db3 or .bag file')
+            if path.stat().st_size == 0:
+                raise BagError(f'{path} is empty: it has no byte')
+        elif not (path / 'metadata.yaml').is_file():
+            raise BagError(f'{path} is not a rosbag2 folder: it has no metadata.yaml')
+
+    def _broken(self, error: Exception, where: str = '') -> BagError:
+        reason = str(error).strip().splitlines()
+        text = reason[0] if reason else type(error).__name__
+        place = f' {where}' if where else ''
+        return BagError(f'{self.path} is broken or truncated{place}: {text}')

@@ -1,0 +1,62 @@
+"""Ground truth beside a bag: a CSV with one row per frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import csv
+import math
+from pathlib import Path
+
+from vtrack_ros.bags.errors import BagError
+from vtrack_ros.geometry import Box
+
+#: The topic that carries the truth in a bag.
+TRUTH_TOPIC = '/truth'
+#: The file that carries it beside the bag's storage, in the bag's folder.
+TRUTH_FILE = 'truth.csv'
+
+_COLUMNS = ['stamp_ns', 'x', 'y', 'width', 'height']
+
+
+def write_truth(path: Path, truth: Mapping[int, Box | None]) -> None:
+    """
+    Write ``stamp_ns,x,y,width,height`` rows; NaN where the target is absent.
+
+    Parameters
+    ----------
+    path : Path
+    truth : mapping
+        Stamp in nanoseconds -> box, or None where the target is absent.
+
+    """
+    with path.open('w', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(_COLUMNS)
+        for stamp, box in truth.items():
+            values = [math.nan] * 4 if box is None else box.as_array().tolist()
+            writer.writerow([stamp, *(repr(value) for value in values)])
+
+
+def read_truth(path: Path) -> dict[int, Box | None]:
+    """
+    Read what `write_truth` wrote.
+
+    Raises
+    ------
+    BagError
+        If the file isn't such a table; the message names the line.
+
+    """
+    truth: dict[int, Box | None] = {}
+    with path.open(newline='') as file:
+        rows = csv.reader(file)
+        if next(rows, None) != _COLUMNS:
+            raise BagError(f'{path}: the first line must be {",".join(_COLUMNS)}')
+        for number, row in enumerate(rows, start=2):
+            try:
+                stamp, values = int(row[0]), [float(text) for text in row[1:]]
+                absent = any(math.isnan(value) for value in values)
+                truth[stamp] = None if absent else Box(*values)
+            except (IndexError, TypeError, ValueError) as error:
+                raise BagError(f'{path}, line {number}: {error}') from None
+    return truth

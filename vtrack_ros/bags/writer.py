@@ -1,0 +1,133 @@
+"""Writing bags that `ros2 bag play` plays too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import shutil
+import tempfile
+from types import TracebackType
+from typing import Any
+
+from rosbags.interfaces import (
+    Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+
+from vtrack_ros.bags import messages
+from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.truth import TRUTH_FILE, TRUTH_TOPIC, write_truth
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import Frame
+
+#: The storage formats of rosbag2 that we write.
+STORAGES = ('mcap', 'sqlite3')
+#: How images can be stored.
+COMPRESSIONS = ('none', 'png', 'jpeg')
+
+_FOREVER = QosTime(2147483647, 4294967295)
+_RELIABLE = Qos(
+    QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, _FOREVER, _FOREVER,
+    QosLiveliness.AUTOMATIC, _FOREVER, False)
+
+
+class BagWriter:
+    """
+    Writes a rosbag2 bag; a context manager.
+
+    The bag appears under its name when it's complete: an error or an interruption leaves nothing.
+
+    Parameters
+    ----------
+    path : str or Path
+        The bag's folder, which must not exist yet.
+    storage : {'mcap', 'sqlite3'}
+    compression : {'none', 'png', 'jpeg'}
+        How images are stored: as Image, or as CompressedImage.
+
+    Raises
+    ------
+    BagError
+        If the path exists, or can't be written.
+
+    """
+
+    def __init__(
+            self, path: str | Path, storage: str = 'mcap', compression: str = 'none') -> None:
+        self._path = Path(path)
+        if storage not in STORAGES:
+            raise BagError(f'unknown storage {storage!r}; valid are ' + ', '.join(STORAGES))
+        if compression not in COMPRESSIONS:
+            raise BagError(
+                f'unknown compression {compression!r}; valid are ' + ', '.join(COMPRESSIONS))
+        if self._path.exists():
+            raise BagError(f'{self._path} exists already: give another path, or remove it first')
+        self._storage = storage
+        self._compression = compression
+        self._truth: dict[int, Box | None] = {}
+        self._connections: dict[str, Connection] = {}
+
+    def __enter__(self) -> BagWriter:
+        """Begin to write."""
+        parent = self._path.absolute().parent
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            self._scratch = Path(tempfile.mkdtemp(dir=parent, prefix='.vtrack-'))
+        except OSError as error:
+            raise BagError(f"can't write {self._path}: {error.strerror}") from None
+        plugin = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}[self._storage]
+        self._writer = Writer(self._scratch / self._path.name, version=9, storage_plugin=plugin)
+        if self._storage == 'mcap':
+            # Inside the file's chunks, which every reader of MCAP undoes by itself.
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._writer.open()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Finish the bag, or remove it after an error."""
+        try:
+            if kind is None:
+                self._writer.close()
+                finished = self._scratch / self._path.name
+                if self._truth:
+                    write_truth(finished / TRUTH_FILE, self._truth)
+                finished.rename(self._path)
+            else:
+                self._writer.abort()
+        finally:
+            shutil.rmtree(self._scratch, ignore_errors=True)
+
+    def write(self, topic: str, message: Any, stamp: int) -> None:
+        """Write a message of `messages` as received at a stamp in nanoseconds."""
+        name = message.__msgtype__
+        if topic not in self._connections:
+            self._connections[topic] = self._writer.add_connection(
+                topic, name, typestore=messages.typestore(), offered_qos_profiles=[_RELIABLE])
+        data = messages.typestore().serialize_cdr(message, name)
+        self._writer.write(self._connections[topic], stamp, data)
+
+    def write_frame(
+            self, frame: Frame, stamp: int, topic: str = '/image',
+            frame_id: str = 'camera_optical_frame') -> None:
+        """
+        Write a frame as an Image, or as a CompressedImage on the topic's ``/compressed``.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        stamp : int, [ns]
+        topic : str
+        frame_id : str
+
+        """
+        if self._compression == 'none':
+            self.write(topic, messages.image(frame, stamp, frame_id), stamp)
+        else:
+            message = messages.compressed_image(frame, stamp, frame_id, self._compression)
+            self.write(f'{topic}/compressed', message, stamp)
+
+    def write_truth(self, box: Box | None, stamp: int,
+                    frame_id: str = 'camera_optical_frame') -> None:
+        """Write the true box of the image of that stamp; None where the target is absent."""
+        self._truth[stamp] = box
+        self.write(TRUTH_TOPIC, messages.detections(box, stamp, frame_id), stamp)
