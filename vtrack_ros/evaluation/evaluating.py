@@ -1,0 +1,186 @@
+"""Running many trackers over many sequences, in processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
+from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+import multiprocessing
+import os
+from pathlib import Path
+
+import cv2
+
+from vtrack_ros.evaluation.results import Problem, Results
+from vtrack_ros.evaluation.running import Run, run_tracker
+from vtrack_ros.evaluation.sequences import find_sequences, Sequence
+from vtrack_ros.evaluation.variants import TrackerVariant, variants
+from vtrack_ros.frame import Frame
+
+#: Called with the number of runs that are done, and of all.
+Progress = Callable[[int, int], None]
+
+#: Decoded frames of up to this many bytes are kept for the next tracker on the same video.
+_KEPT_BYTES = 1 << 30
+_ONE_THREAD = {name: '1' for name in (
+    'OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'BLIS_NUM_THREADS',
+    'VECLIB_MAXIMUM_THREADS', 'NUMEXPR_NUM_THREADS')}
+
+
+@dataclass(frozen=True)
+class Task:
+    """A tracker's runs over one sequence, one for each seed."""
+
+    sequence: Sequence
+    variant: TrackerVariant
+    seeds: tuple[int, ...]
+
+
+def evaluate(
+        trackers: Iterable[str | TrackerVariant], sequences: Iterable[Sequence] | Path | str,
+        seeds: int | Iterable[int] = 1, jobs: int | None = None,
+        progress: Progress | None = None) -> Results:
+    """
+    Run every tracker over every sequence with every seed.
+
+    Each run has one thread: OpenCV's and the linear algebra's pools are set to one.
+
+    Parameters
+    ----------
+    trackers : iterable of str or TrackerVariant
+        Such as ``'pf'`` or ``'gmpf:particles=40,preset=paper'``.
+    sequences : iterable of Sequence, or a folder
+        A folder as `find_sequences` takes it.
+    seeds : int or iterable of int
+        How many (then 0, 1, ...), or which. A tracker that ignores its seed runs with the first
+        one alone.
+    jobs : int, optional
+        How many processes, by default one for each processor; 0 runs in this one. As always with
+        processes in Python, a script that calls this does so below ``if __name__ == '__main__'``.
+    progress : callable, optional
+        Called with the number of runs done and of all.
+
+    Returns
+    -------
+    results : Results
+        A run that failed is among its `problems`, and so are broken sequence folders.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a tracker, the seeds or jobs is wrong; SequenceError if the folder is.
+
+    """
+    chosen = variants(trackers)
+    numbers = checked_seeds(seeds)
+    if jobs is None:
+        jobs = os.cpu_count() or 1
+    if jobs < 0:
+        raise ValueError(f'jobs must be 0 or more, not {jobs}')
+    broken: dict[str, str] = {}
+    if isinstance(sequences, (str, Path)):
+        found, broken = find_sequences(Path(sequences))
+    else:
+        found = list(sequences)
+    results = Results(found, chosen, numbers)
+    results.problems.extend(Problem(name, '', text) for name, text in broken.items())
+    tasks = [Task(sequence, variant, numbers[:1] if variant.deterministic else numbers)
+             for sequence in found for variant in chosen]
+    total = sum(len(task.seeds) for task in tasks)
+    done = 0
+    for task, outcome in _outcomes(tasks, jobs):
+        if isinstance(outcome, str):
+            results.problems.append(Problem(task.sequence.name, task.variant.label, outcome))
+        else:
+            for seed, run in zip(task.seeds, outcome):
+                results.add(task.sequence.name, task.variant.label, seed, run)
+        done += len(task.seeds)
+        if progress is not None:
+            progress(done, total)
+    results.sort()
+    return results
+
+
+def checked_seeds(seeds: int | Iterable[int]) -> tuple[int, ...]:
+    """Return the seeds as a tuple: 0, 1, ... for a number; ValueError where there is none."""
+    numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(dict.fromkeys(seeds))
+    if not numbers or min(numbers) < 0:
+        raise ValueError(f'seeds must be one or more numbers >= 0, not {seeds!r}')
+    return numbers
+
+
+def _outcomes(tasks: Ordered[Task], jobs: int) -> Iterator[tuple[Task, list[Run] | str]]:
+    if jobs == 0:
+        threads = cv2.getNumThreads()
+        cv2.setNumThreads(1)
+        try:
+            for task in tasks:
+                yield task, run_task(task)
+        finally:
+            cv2.setNumThreads(threads)
+        return
+    # Long ones first, so that no process is left with one at the end; those of one video together,
+    # so that it's decoded once.
+    ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
+    spawn = multiprocessing.get_context('spawn')
+    with _environment(_ONE_THREAD), ProcessPoolExecutor(
+            min(jobs, max(1, len(tasks))), mp_context=spawn, initializer=_one_thread) as pool:
+        futures: dict[Future[list[Run] | str], Task] = {
+            pool.submit(run_task, task): task for task in ordered}
+        try:
+            for future in as_completed(futures):
+                try:
+                    yield futures[future], future.result()
+                except BrokenProcessPool:
+                    yield futures[future], 'the process that ran it died'
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def run_task(task: Task) -> list[Run] | str:
+    """Return a task's runs, in the order of its seeds, or what went wrong."""
+    try:
+        return [run_tracker(task.variant.create(seed), _frames(task.sequence),
+                            task.sequence.first_box) for seed in task.seeds]
+    except Exception as error:  # noqa: B902 - one that fails must not end the others
+        return f'{type(error).__name__}: {error}'
+
+
+_kept: tuple[str, list[Frame]] | None = None
+
+
+def _frames(sequence: Sequence) -> Iterable[Frame]:
+    """Return the frames, decoded once for all runs on a video that isn't too large."""
+    global _kept
+    if _kept is not None and _kept[0] == sequence.video:
+        return _kept[1]
+    _kept = None
+    stream = iter(sequence.frames())
+    first = next(stream)
+    if first.nbytes * len(sequence) > _KEPT_BYTES:
+        return sequence.frames()
+    frames = [first, *stream]
+    _kept = (sequence.video, frames)
+    return frames
+
+
+def _one_thread() -> None:
+    cv2.setNumThreads(1)
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    """Set variables for the processes that are started meanwhile."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

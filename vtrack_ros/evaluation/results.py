@@ -1,0 +1,109 @@
+"""What an evaluation found: runs by sequence, tracker and seed, and their figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Ordered
+from dataclasses import dataclass
+from functools import cached_property
+
+from vtrack_ros.evaluation.running import Run
+from vtrack_ros.evaluation.scoring import evidence, over_seeds, over_sequences, score
+from vtrack_ros.evaluation.sequences import Sequence
+from vtrack_ros.evaluation.variants import TrackerVariant
+
+#: Figures by key, with `KEY_std` for each.
+Scores = dict[str, float]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """
+    Something that could not be evaluated.
+
+    Parameters
+    ----------
+    sequence : str
+        The sequence's name.
+    tracker : str
+        The tracker's label; empty where the sequence itself is broken.
+    text : str
+        What is wrong.
+
+    """
+
+    sequence: str
+    tracker: str
+    text: str
+
+    def __str__(self) -> str:
+        """Return it as one line."""
+        return ': '.join(filter(None, (self.sequence, self.tracker, self.text)))
+
+
+class Results:
+    """
+    The runs of an evaluation and what was computed from them.
+
+    Parameters
+    ----------
+    sequences : sequence of Sequence
+    variants : sequence of TrackerVariant
+    seeds : tuple of int
+
+    """
+
+    def __init__(self, sequences: Ordered[Sequence], variants: Ordered[TrackerVariant],
+                 seeds: tuple[int, ...]) -> None:
+        self.sequences = {sequence.name: sequence for sequence in sequences}
+        self.variants = {variant.label: variant for variant in variants}
+        self.seeds = seeds
+        self.problems: list[Problem] = []
+        self._runs: dict[tuple[str, str], dict[int, Run]] = {}
+
+    def add(self, sequence: str, tracker: str, seed: int, run: Run) -> None:
+        """Add a run."""
+        self._runs.setdefault((sequence, tracker), {})[seed] = run
+
+    def sort(self) -> None:
+        """Bring everything into an order that doesn't depend on which process was faster."""
+        self.problems.sort(key=lambda problem: (problem.sequence, problem.tracker))
+        self._runs = {(sequence, tracker): self._runs[sequence, tracker]
+                      for sequence in self.sequences for tracker in self.variants
+                      if (sequence, tracker) in self._runs}
+
+    def runs(self, sequence: str, tracker: str) -> dict[int, Run]:
+        """Return the runs of a tracker on a sequence by seed; empty where they failed."""
+        return self._runs.get((sequence, tracker), {})
+
+    @cached_property
+    def scores(self) -> dict[str, dict[str, dict[int, Scores]]]:
+        """Sequence -> tracker -> seed -> figures of that run."""
+        result: dict[str, dict[str, dict[int, Scores]]] = {name: {} for name in self.sequences}
+        for (sequence, tracker), runs in self._runs.items():
+            truth = self.sequences[sequence].truth
+            result[sequence][tracker] = {seed: score(run, truth) for seed, run in runs.items()}
+        return result
+
+    @cached_property
+    def by_sequence(self) -> dict[str, dict[str, Scores]]:
+        """Sequence -> tracker -> figures, mean and standard deviation over seeds."""
+        return {sequence: {tracker: over_seeds(by_seed.values())
+                           for tracker, by_seed in by_tracker.items()}
+                for sequence, by_tracker in self.scores.items()}
+
+    @cached_property
+    def summary(self) -> dict[str, Scores]:
+        """Tracker -> means over its sequences, mean and standard deviation over seeds."""
+        result = {}
+        for tracker in self.variants:
+            ran = [name for name in self.sequences if self.runs(name, tracker)]
+            if not ran:
+                continue
+            seeds = self.runs(ran[0], tracker)
+            result[tracker] = over_seeds(
+                over_sequences(
+                    (self.scores[name][tracker][seed] for name in ran),
+                    (evidence(self.runs(name, tracker)[seed], self.sequences[name].truth)
+                     for name in ran))
+                for seed in seeds)
+        return result

@@ -1,0 +1,94 @@
+"""Running one tracker over one sequence, once, and keeping all that it said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers.base import Estimate, Tracker
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    What a tracker said in one pass over n frames, and how long it took.
+
+    Parameters
+    ----------
+    boxes : ndarray, shape (n, 4), [px]
+        Measured or predicted; the first is the box that was given.
+    covariances : ndarray, shape (n, 2, 2), [px^2]
+        Of the centre.
+    confidences : ndarray, shape (n,)
+    measured : ndarray of bool, shape (n,)
+        Whether the state was TRACKING.
+    wall_ms, cpu_ms : ndarray, shape (n - 1,), [ms]
+        The time of each update, by the clock and of the process on all its threads.
+    cached : bool
+        Whether it was run at another time, so that its times may be another machine's.
+
+    """
+
+    boxes: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    confidences: NDArray[np.float64]
+    measured: NDArray[np.bool_]
+    wall_ms: NDArray[np.float64]
+    cpu_ms: NDArray[np.float64]
+    cached: bool = False
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays by name."""
+        return {field.name: getattr(self, field.name)
+                for field in fields(self) if field.name != 'cached'}
+
+
+def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box) -> Run:
+    """
+    Start a tracker on the first frame and update it with every other one.
+
+    Only `update` is timed: neither reading a frame nor starting.
+
+    Parameters
+    ----------
+    tracker : Tracker
+    frames : iterable of ndarray of uint8
+        At least one.
+    first_box : Box
+
+    Raises
+    ------
+    ValueError
+        If there is no frame; and whatever the tracker raises.
+
+    """
+    estimates: list[Estimate] = []
+    wall: list[float] = []
+    cpu: list[float] = []
+    for frame in frames:
+        if not estimates:
+            estimates.append(tracker.start(frame, first_box))
+            continue
+        cpu_began, began = time.process_time(), time.perf_counter()
+        estimate = tracker.update(frame)
+        ended, cpu_ended = time.perf_counter(), time.process_time()
+        estimates.append(estimate)
+        wall.append(1e3 * (ended - began))
+        cpu.append(1e3 * (cpu_ended - cpu_began))
+    if not estimates:
+        raise ValueError('the sequence has no frames')
+    boxes = np.array([estimate.box.as_array() for estimate in estimates])
+    boxes[0] = first_box.as_array()
+    return Run(
+        boxes=boxes,
+        covariances=np.array([estimate.covariance[:2, :2] for estimate in estimates]),
+        confidences=np.array([estimate.confidence for estimate in estimates], dtype=np.float64),
+        measured=np.array([estimate.measured for estimate in estimates]),
+        wall_ms=np.array(wall), cpu_ms=np.array(cpu))

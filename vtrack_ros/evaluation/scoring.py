@@ -1,0 +1,148 @@
+"""The figures of runs: of one, and of a tracker's runs over sequences and seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.evaluation import metrics
+from vtrack_ros.evaluation.running import Run
+
+
+@dataclass(frozen=True)
+class Figure:
+    """
+    One figure of merit.
+
+    Parameters
+    ----------
+    key : str
+        Its name in JSON.
+    title : str
+        Its name in tables.
+    description : str
+        What it says, in one sentence.
+    timed : bool
+        Whether it depends on the clock, and so differs from run to run.
+
+    """
+
+    key: str
+    title: str
+    description: str
+    timed: bool = False
+
+
+FIGURES = (
+    Figure('auc', 'AUC', 'success: mean share of frames above 21 overlap thresholds from 0 to 1'),
+    Figure('precision20', 'P@20', 'share of frames whose centre is within 20 px'),
+    Figure('normalised_precision', 'NP',
+           'mean share of frames whose centre is within 0 to 0.5 target sizes'),
+    Figure('rmse_mean', 'RMSE', 'centre error, mean over frames [px]'),
+    Figure('rmse_var', 'RMSE var', 'centre error, variance over frames [px^2]'),
+    Figure('failures', 'fail', 'failures: the overlap fell to 0'),
+    Figure('recovery_frames', 'recov', 'frames until recovery, mean over failures that ended'),
+    Figure('auroc', 'AUROC', 'of the confidence, on target (IoU > 0.5) against off (IoU < 0.1)'),
+    Figure('losses', 'losses', 'losses: off the target, or the target absent'),
+    Figure('losses_reported', 'said', 'share of losses that the state reported'),
+    Figure('report_frames', 'delay', 'frames from a loss to saying so, mean over those reported'),
+    Figure('false_alarms', 'alarm', 'share of on-target frames whose state was not TRACKING'),
+    Figure('returns', 'returns', 'returns of an absent target'),
+    Figure('found15', 'found', 'share of returns with the box on target within 15 frames'),
+    Figure('coverage50', 'in 50%', 'share of true centres in the 50 % ellipse, while TRACKING'),
+    Figure('coverage90', 'in 90%', 'share of true centres in the 90 % ellipse, while TRACKING'),
+    Figure('ms_median', 'ms', 'time of an update, median [ms]', True),
+    Figure('ms_p99', 'ms p99', 'time of an update, 99th percentile [ms]', True),
+    Figure('cpu_ms_mean', 'cpu ms', 'processor time of an update on all threads, mean [ms]', True),
+)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a run's confidence is judged by: its values on the target and off it."""
+
+    on: NDArray[np.float64]
+    off: NDArray[np.float64]
+
+
+def evidence(run: Run, truth: NDArray[np.float64]) -> Evidence:
+    """Return the confidences on and off the target; the first frame, which is given, is not in."""
+    overlap = metrics.overlaps(run.boxes, truth)[1:]
+    confidence = run.confidences[1:]
+    return Evidence(confidence[metrics.on_target(overlap)],
+                    confidence[metrics.off_target(overlap)])
+
+
+def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
+    """Return the figures of one run by their keys; NaN where there is nothing to tell from."""
+    overlap = metrics.overlaps(run.boxes, truth)
+    error = metrics.center_errors(run.boxes, truth)
+    failed = metrics.failures(overlap)
+    lost = metrics.losses(overlap, ~run.measured)
+    returned = metrics.return_delays(overlap)
+    confidence = evidence(run, truth)
+    on = metrics.on_target(overlap)[1:]
+    inside = {probability: metrics.inside_ellipse(
+        run.boxes, run.covariances, truth, probability)[1:][run.measured[1:]]
+        for probability in (0.5, 0.9)}
+    return {
+        'auc': metrics.success_auc(overlap),
+        'precision20': metrics.precision_at(error),
+        'normalised_precision': metrics.normalised_precision(
+            metrics.normalised_errors(run.boxes, truth)),
+        'rmse_mean': mean(error),
+        'rmse_var': float(np.nanvar(error)),
+        'failures': float(failed.count),
+        'recovery_frames': mean(failed.recoveries),
+        'auroc': metrics.auroc(confidence.on, confidence.off),
+        'losses': float(lost.count),
+        'losses_reported': len(lost.delays) / lost.count if lost.count else math.nan,
+        'report_frames': mean(lost.delays),
+        'false_alarms': mean(~run.measured[1:][on]),
+        'returns': float(len(returned)),
+        'found15': mean([delay <= 15 for delay in returned]),
+        'coverage50': mean(inside[0.5]),
+        'coverage90': mean(inside[0.9]),
+        'ms_median': float(np.median(run.wall_ms)) if len(run.wall_ms) else math.nan,
+        'ms_p99': float(np.percentile(run.wall_ms, 99)) if len(run.wall_ms) else math.nan,
+        'cpu_ms_mean': mean(run.cpu_ms),
+    }
+
+
+def over_seeds(scores: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Return mean and standard deviation (`KEY_std`, 0 for one seed) of each figure."""
+    rows = list(scores)
+    result = {}
+    for key in rows[0]:
+        values = [row[key] for row in rows if not math.isnan(row[key])]
+        result[key] = mean(values)
+        result[f'{key}_std'] = (
+            math.nan if not values else float(np.std(values, ddof=1)) if len(values) > 1 else 0.0)
+    return result
+
+
+def over_sequences(
+        scores: Iterable[Mapping[str, float]],
+        confidences: Iterable[Evidence]) -> dict[str, float]:
+    """
+    Return the summary of one tracker and seed.
+
+    Every figure is the mean over the sequences that have it, but for the AUROC: it is that of all
+    sequences' frames together, since a threshold on the confidence has to serve everywhere.
+    """
+    rows, pooled = list(scores), list(confidences)
+    result = {key: mean([row[key] for row in rows]) for key in rows[0]}
+    result['auroc'] = metrics.auroc(
+        np.concatenate([one.on for one in pooled]), np.concatenate([one.off for one in pooled]))
+    return result
+
+
+def mean(values: Iterable[float] | NDArray[np.generic]) -> float:
+    """Return the mean of the values that aren't NaN; NaN where there are none."""
+    array = np.asarray(values if isinstance(values, np.ndarray) else list(values), dtype=float)
+    array = array[~np.isnan(array)]
+    return float(array.mean()) if array.size else math.nan

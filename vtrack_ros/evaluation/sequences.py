@@ -1,0 +1,235 @@
+"""Sequences with truth: folders of images as the tracking benchmarks publish them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+import hashlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.evaluation.metrics import present
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+_IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm'})
+
+
+class SequenceError(ValueError):
+    """A sequence that can't be evaluated; the message says what is wrong and where."""
+
+
+@dataclass(frozen=True)
+class Sequence(ABC):
+    """
+    Frames, and where the target really is in them.
+
+    Parameters
+    ----------
+    name : str
+        What it's called in tables.
+    truth : ndarray, shape (n, 4), [px]
+        Rows of x, y, width, height, one per frame; NaN where the target is absent.
+
+    """
+
+    name: str
+    truth: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.truth)
+
+    @property
+    def first_box(self) -> Box:
+        """The box that a tracker is started on."""
+        return Box(*self.truth[0])
+
+    @property
+    @abstractmethod
+    def video(self) -> str:
+        """What tells one video from another; targets of one video share it."""
+
+    @abstractmethod
+    def frames(self) -> list[Frame]:
+        """
+        Decode all frames.
+
+        Raises
+        ------
+        SequenceError
+            If one can't be read.
+
+        """
+
+    @abstractmethod
+    def fingerprint(self) -> str:
+        """Return a hash of all that the frames and the truth are made from."""
+
+
+@dataclass(frozen=True)
+class FolderSequence(Sequence):
+    """
+    A folder with `img/00001.jpg ...` and a `groundtruth_rect.txt`.
+
+    Parameters
+    ----------
+    images : tuple of Path
+        The frames' files, in order.
+
+    """
+
+    images: tuple[Path, ...]
+
+    @property
+    def video(self) -> str:
+        """The folder of the images."""
+        return str(self.images[0].parent)
+
+    def frames(self) -> list[Frame]:
+        """Decode all frames, in BGR; errors as the base class."""
+        return [_read_image(path) for path in self.images]
+
+    def fingerprint(self) -> str:
+        """Return a hash of the truth and of every image file's content."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.truth).tobytes())
+        for path in self.images:
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+        return digest.hexdigest()
+
+
+def read_folder(folder: Path) -> list[FolderSequence]:
+    """
+    Return the sequences of one folder, one for each ground truth in it.
+
+    `groundtruth_rect.txt` is the target named as the folder; `groundtruth_rect.2.txt` is a second
+    target in the same video, named NAME.2, and so on.
+
+    Raises
+    ------
+    SequenceError
+        If the images or the truth are missing, don't fit each other or can't be understood.
+
+    """
+    images = image_files(folder)
+    result = []
+    for path in truth_files(folder):
+        suffix = path.name.removeprefix('groundtruth_rect').removesuffix('.txt')
+        truth = read_truth(path)
+        if len(truth) != len(images):
+            raise SequenceError(
+                f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
+        check_start(truth, str(path))
+        result.append(FolderSequence(folder.name + suffix, truth, images))
+    return result
+
+
+def image_files(folder: Path) -> tuple[Path, ...]:
+    """Return the image files of a sequence's folder, sorted; SequenceError where none are."""
+    for place in (folder / 'img', folder):
+        if place.is_dir():
+            files = sorted(path for path in place.iterdir()
+                           if path.suffix.lower() in _IMAGE_SUFFIXES)
+            if files:
+                return tuple(files)
+    raise SequenceError(f'{folder}: no images, neither in img/ nor in the folder itself')
+
+
+def truth_files(folder: Path) -> list[Path]:
+    """Return the ground truths of a sequence's folder; SequenceError where none are."""
+    files = sorted(folder.glob('groundtruth_rect*.txt'), key=lambda path: (len(path.name), path))
+    if not files:
+        raise SequenceError(f'{folder}: no groundtruth_rect.txt')
+    return files
+
+
+def read_truth(path: Path) -> NDArray[np.float64]:
+    """
+    Return the boxes of a ground truth, NaN where the target is absent.
+
+    Rows are x, y, width, height in pixels, 0-based, separated by commas, semicolons or blanks.
+
+    Raises
+    ------
+    SequenceError
+        If a row isn't four numbers.
+
+    """
+    rows = []
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise SequenceError(f'{path}: {error}') from None
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.replace(',', ' ').replace(';', ' ').split()
+        if not words:
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            values = []
+        if len(values) != 4:
+            raise SequenceError(
+                f'{path}:{number}: expected four numbers x,y,width,height, not {line.strip()!r}')
+        rows.append(values)
+    if not rows:
+        raise SequenceError(f'{path}: no boxes')
+    truth = np.array(rows)
+    truth[~present(truth)] = np.nan
+    return truth
+
+
+def check_start(truth: NDArray[np.float64], where: str) -> None:
+    """Raise SequenceError unless the target is there in the first frame."""
+    if not present(truth)[0]:
+        raise SequenceError(f'{where}: the first frame has no box to start a tracker on')
+
+
+def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
+    """
+    Return the sequences below a folder, and what is wrong with those that can't be used.
+
+    Parameters
+    ----------
+    root : Path
+        A folder of sequence folders, or one sequence folder.
+
+    Returns
+    -------
+    sequences : list of Sequence
+        Sorted by name.
+    broken : dict
+        Name of a folder -> what's wrong with it.
+
+    Raises
+    ------
+    SequenceError
+        If it isn't a folder, or nothing in it looks like a sequence.
+
+    """
+    if not root.is_dir():
+        raise SequenceError(f'{root}: no such folder')
+    alone = (root / 'img').is_dir() or any(root.glob('groundtruth_rect*.txt'))
+    folders = [root] if alone else sorted(path for path in root.iterdir() if path.is_dir())
+    sequences: list[Sequence] = []
+    broken = {}
+    for folder in folders:
+        try:
+            sequences.extend(read_folder(folder))
+        except SequenceError as error:
+            broken[folder.name] = str(error)
+    if not folders:
+        raise SequenceError(
+            f'{root}: no sequences; expected folders with img/ and groundtruth_rect.txt')
+    return sequences, broken
+
+
+def _read_image(path: Path) -> Frame:
+    data = np.fromfile(path, np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise SequenceError(f'{path}: not an image that can be decoded')
+    return np.asarray(image, dtype=np.uint8)

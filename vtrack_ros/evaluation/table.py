@@ -1,0 +1,65 @@
+"""Results as text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Ordered
+import math
+
+from vtrack_ros.evaluation.results import Results, Scores
+from vtrack_ros.evaluation.scoring import FIGURES
+
+_SUMMARY = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
+            'losses_reported', 'report_frames', 'false_alarms', 'coverage50', 'coverage90',
+            'ms_median', 'ms_p99', 'cei')
+_TITLES = {figure.key: figure.title for figure in FIGURES} | {'cei': 'CEI'}
+_FRACTIONS = frozenset({
+    'auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported', 'false_alarms',
+    'coverage50', 'coverage90', 'found15', 'cei'})
+
+
+def summary_table(results: Results) -> str:
+    """Return the summary: one line per tracker, the best AUC first."""
+    ranked = sorted(results.summary.items(), key=lambda item: -_number(item[1]['auc']))
+    many = len(results.seeds) > 1
+    rows = [['tracker', *(_TITLES[key] for key in _SUMMARY)]]
+    for tracker, scores in ranked:
+        rows.append([tracker, *(_cell(scores, key, many and key == 'auc') for key in _SUMMARY)])
+    return aligned(rows)
+
+
+def sequence_table(results: Results, key: str = 'auc') -> str:
+    """Return one figure of each tracker on each sequence, and the mean below."""
+    trackers = list(results.summary)
+    rows = [[f'{_TITLES[key]} by sequence', *trackers]]
+    for sequence, by_tracker in results.by_sequence.items():
+        rows.append([sequence, *(_cell(by_tracker.get(tracker, {}), key) for tracker in trackers)])
+    rows.append(['mean', *(_cell(results.summary[tracker], key) for tracker in trackers)])
+    return aligned(rows)
+
+
+def aligned(rows: Ordered[Ordered[str]]) -> str:
+    """Return rows as columns: the first to the left, the others to the right, a rule below."""
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = ['  '.join(cell.ljust(width) if index == 0 else cell.rjust(width)
+                       for index, (cell, width) in enumerate(zip(row, widths))).rstrip()
+             for row in rows]
+    lines.insert(1, '  '.join('-' * width for width in widths))
+    return '\n'.join(lines)
+
+
+def number_text(value: float, key: str) -> str:
+    """Return a figure as text: three decimals for a share, three digits else, - for none."""
+    if math.isnan(value):
+        return '-'
+    if key in _FRACTIONS:
+        return f'{value:.3f}'
+    return f'{value:.0f}' if abs(value) >= 100 else f'{value:.3g}'
+
+
+def _cell(scores: Scores, key: str, spread: bool = False) -> str:
+    text = number_text(scores.get(key, math.nan), key)
+    return f'{text} ±{scores[key + "_std"]:.3f}' if spread and text != '-' else text
+
+
+def _number(value: float) -> float:
+    return -math.inf if math.isnan(value) else value

@@ -1,0 +1,127 @@
+"""Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,preset=paper`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from vtrack_ros.evaluation.peers import peer_class, peer_names
+from vtrack_ros.parameters import Value
+from vtrack_ros.trackers import Tracker, tracker_class, tracker_names
+
+
+@dataclass(frozen=True)
+class TrackerVariant:
+    """
+    A tracker with the parameters that differ from its defaults.
+
+    Parameters
+    ----------
+    label : str
+        What it's called in tables: the text that it was parsed from.
+    name : str
+        The tracker's name.
+    parameters : tuple of (str, value)
+        Sorted by name.
+
+    """
+
+    label: str
+    name: str
+    parameters: tuple[tuple[str, Value], ...] = ()
+
+    @property
+    def tracker_class(self) -> type[Tracker]:
+        """The class of the tracker."""
+        return _class(self.name)
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether every seed gives the same output, so that one run is enough."""
+        return bool(getattr(self.tracker_class, 'DETERMINISTIC', False))
+
+    def create(self, seed: int) -> Tracker:
+        """Make the tracker."""
+        return self.tracker_class(seed, **dict(self.parameters))
+
+
+def parse_variant(text: str) -> TrackerVariant:
+    """
+    Return the variant that `name` or `name:parameter=value,...` spells.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the tracker, a parameter or a value is wrong.
+
+    """
+    label = text.strip()
+    name, _, rest = label.partition(':')
+    cls = _class(name)
+    parameters: dict[str, Value] = {}
+    for part in filter(None, rest.split(',')):
+        key, equals, value = (piece.strip() for piece in part.partition('='))
+        if not equals:
+            raise ValueError(f'{label}: expected parameter=value, not {part!r}')
+        if key not in cls.PARAMETERS:
+            cls.PARAMETERS.checked({key: value}, name)
+        parameters[key] = cls.PARAMETERS[key].parsed(value)
+    return TrackerVariant(label, name, tuple(sorted(parameters.items())))
+
+
+def parse_variants(text: str) -> list[TrackerVariant]:
+    """
+    Return the variants of a comma-separated list.
+
+    `all` stands for the package's trackers and `peers` for OpenCV's own, as far as the OpenCV that
+    is installed has them. In `pf,gmpf:particles=40,preset=paper,kpf` a part with `=` belongs to
+    the tracker before it. A variant that is named twice counts once.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If the list is empty or a part of it is wrong.
+
+    """
+    pieces: list[str] = []
+    for part in filter(None, (part.strip() for part in text.split(','))):
+        if '=' in part and ':' not in part and pieces:
+            pieces[-1] += ',' + part
+        elif part == 'all':
+            pieces.extend(tracker_names())
+        elif part == 'peers':
+            pieces.extend(_available_peers())
+        else:
+            pieces.append(part)
+    if not pieces:
+        raise ValueError('no tracker is named; valid are ' + ', '.join(_names()))
+    return variants(dict.fromkeys(pieces))
+
+
+def variants(trackers: Iterable[str | TrackerVariant]) -> list[TrackerVariant]:
+    """Return each tracker as a variant, parsing those that are text."""
+    return [parse_variant(one) if isinstance(one, str) else one for one in trackers]
+
+
+def _available_peers() -> tuple[str, ...]:
+    names = peer_names()
+    if not names:
+        raise ValueError(
+            'this OpenCV has none of the peers; scripts/peers runs with one that has them')
+    return names
+
+
+def _names() -> tuple[str, ...]:
+    return (*tracker_names(), *peer_names())
+
+
+def _class(name: str) -> type[Tracker]:
+    if name in peer_names():
+        return peer_class(name)
+    if name.startswith('opencv_'):
+        raise ValueError(
+            f'{name!r} needs an OpenCV that has it, with its contrib modules (scripts/peers); '
+            'valid here are ' + ', '.join(_names()))
+    if name not in tracker_names():
+        raise ValueError(f'unknown tracker {name!r}; valid are ' + ', '.join(_names()))
+    return tracker_class(name)
