@@ -6,16 +6,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import multiprocessing
 import os
 from pathlib import Path
 
 import cv2
 
+from vtrack_ros.evaluation.cache import run_key, RunCache
 from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.running import Run, run_tracker
-from vtrack_ros.evaluation.sequences import find_sequences, Sequence
+from vtrack_ros.evaluation.sequences import find_sequences, Sequence, SequenceError
 from vtrack_ros.evaluation.variants import TrackerVariant, variants
 from vtrack_ros.frame import Frame
 
@@ -24,9 +25,9 @@ Progress = Callable[[int, int], None]
 
 #: Decoded frames of up to this many bytes are kept for the next tracker on the same video.
 _KEPT_BYTES = 1 << 30
-_ONE_THREAD = {name: '1' for name in (
+_ONE_THREAD = dict.fromkeys((
     'OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'BLIS_NUM_THREADS',
-    'VECLIB_MAXIMUM_THREADS', 'NUMEXPR_NUM_THREADS')}
+    'VECLIB_MAXIMUM_THREADS', 'NUMEXPR_NUM_THREADS'), '1')
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Task:
 def evaluate(
         trackers: Iterable[str | TrackerVariant], sequences: Iterable[Sequence] | Path | str,
         seeds: int | Iterable[int] = 1, jobs: int | None = None,
-        progress: Progress | None = None) -> Results:
+        progress: Progress | None = None, cache: RunCache | None = None) -> Results:
     """
     Run every tracker over every sequence with every seed.
 
@@ -61,6 +62,8 @@ def evaluate(
         processes in Python, a script that calls this does so below ``if __name__ == '__main__'``.
     progress : callable, optional
         Called with the number of runs done and of all.
+    cache : RunCache, optional
+        Where runs are taken from that were made before, and where new ones are kept.
 
     Returns
     -------
@@ -86,21 +89,60 @@ def evaluate(
         found = list(sequences)
     results = Results(found, chosen, numbers)
     results.problems.extend(Problem(name, '', text) for name, text in broken.items())
-    tasks = [Task(sequence, variant, numbers[:1] if variant.deterministic else numbers)
-             for sequence in found for variant in chosen]
-    total = sum(len(task.seeds) for task in tasks)
-    done = 0
-    for task, outcome in _outcomes(tasks, jobs):
+    wanted = [Task(sequence, variant, numbers[:1] if variant.deterministic else numbers)
+              for sequence in found for variant in chosen]
+    total = sum(len(task.seeds) for task in wanted)
+    store = _Store(cache, found)
+    tasks = [store.remaining(task, results) for task in wanted]
+    done = total - sum(len(task.seeds) for task in tasks)
+    if progress is not None:
+        progress(done, total)
+    for task, outcome in _outcomes([task for task in tasks if task.seeds], jobs):
         if isinstance(outcome, str):
             results.problems.append(Problem(task.sequence.name, task.variant.label, outcome))
         else:
             for seed, run in zip(task.seeds, outcome):
                 results.add(task.sequence.name, task.variant.label, seed, run)
+                store.keep(task, seed, run)
         done += len(task.seeds)
         if progress is not None:
             progress(done, total)
     results.sort()
     return results
+
+
+class _Store:
+    """The cache as one evaluation sees it, or nothing."""
+
+    def __init__(self, cache: RunCache | None, sequences: Iterable[Sequence]) -> None:
+        self._cache = cache
+        self._fingerprints = {} if cache is None else {
+            sequence.name: sequence.fingerprint() for sequence in sequences}
+        self._keys: dict[tuple[str, str, int], str] = {}
+
+    def remaining(self, task: Task, results: Results) -> Task:
+        """Add the runs that were made before to the results; return those still to be made."""
+        if self._cache is None:
+            return task
+        seeds = []
+        for seed in task.seeds:
+            key = self._key(task, seed)
+            self._keys[task.sequence.name, task.variant.label, seed] = key
+            run = self._cache.get(key)
+            if run is None:
+                seeds.append(seed)
+            else:
+                results.add(task.sequence.name, task.variant.label, seed, run)
+        return replace(task, seeds=tuple(seeds))
+
+    def keep(self, task: Task, seed: int, run: Run) -> None:
+        """Keep a run, unless the source was changed while it ran."""
+        key = self._keys.get((task.sequence.name, task.variant.label, seed))
+        if self._cache is not None and key is not None and key == self._key(task, seed):
+            self._cache.put(key, run)
+
+    def _key(self, task: Task, seed: int) -> str:
+        return run_key(task.variant, self._fingerprints[task.sequence.name], seed)
 
 
 def checked_seeds(seeds: int | Iterable[int]) -> tuple[int, ...]:
@@ -143,10 +185,19 @@ def _outcomes(tasks: Ordered[Task], jobs: int) -> Iterator[tuple[Task, list[Run]
 def run_task(task: Task) -> list[Run] | str:
     """Return a task's runs, in the order of its seeds, or what went wrong."""
     try:
-        return [run_tracker(task.variant.create(seed), _frames(task.sequence),
-                            task.sequence.first_box) for seed in task.seeds]
+        return [_run(task, seed) for seed in task.seeds]
     except Exception as error:  # noqa: B902 - one that fails must not end the others
         return f'{type(error).__name__}: {error}'
+
+
+def _run(task: Task, seed: int) -> Run:
+    sequence = task.sequence
+    run = run_tracker(
+        task.variant.create(seed), _frames(sequence), sequence.first_box, sequence.steps)
+    if len(run.boxes) != len(sequence):
+        raise SequenceError(
+            f'only {len(run.boxes)} of {len(sequence)} frames could be read')
+    return run
 
 
 _kept: tuple[str, list[Frame]] | None = None

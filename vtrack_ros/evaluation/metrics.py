@@ -60,6 +60,7 @@ def overlaps(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
     Parameters
     ----------
     boxes, truth : ndarray, shape (n, 4), [px]
+        Row by row of the same frames.
 
     Raises
     ------
@@ -81,7 +82,8 @@ def overlaps(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
 def center_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
     """Return the distance of the centres in pixels; NaN where the truth is absent."""
     offset = _center_offsets(boxes, truth)
-    return np.hypot(offset[:, 0], offset[:, 1])
+    result: FloatArray = np.hypot(offset[:, 0], offset[:, 1])
+    return result
 
 
 def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
@@ -90,7 +92,8 @@ def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
     there = present(truth)
     scaled = np.full(size.shape, np.nan)
     scaled[there] = _center_offsets(boxes, truth)[there] / size[there]
-    return np.hypot(scaled[:, 0], scaled[:, 1])
+    result: FloatArray = np.hypot(scaled[:, 0], scaled[:, 1])
+    return result
 
 
 def success_curve(overlap: FloatArray) -> FloatArray:
@@ -267,6 +270,7 @@ def inside_ellipse(
     Parameters
     ----------
     boxes, truth : ndarray, shape (n, 4), [px]
+        Row by row of the same frames.
     covariances : ndarray, shape (n, 2, 2), [px^2]
         Of the centre.
     probability : float

@@ -119,7 +119,7 @@ class CamShift(OpenCVTracker):
         self._histogram = cv2.calcHist([hsv[part]], [0], mask[part], [16], [0, 180])
         cv2.normalize(self._histogram, self._histogram, 0, 255, cv2.NORM_MINMAX)
         self._box = box
-        self._window = (left, top, wide, high)
+        self._window: Any = (left, top, wide, high)
         return self._estimate(True)
 
     def _update(self, frame: Frame, dt: float) -> Estimate:

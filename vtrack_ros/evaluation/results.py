@@ -75,6 +75,12 @@ class Results:
         """Return the runs of a tracker on a sequence by seed; empty where they failed."""
         return self._runs.get((sequence, tracker), {})
 
+    @property
+    def timings(self) -> str:
+        """Return whether the times were `measured` now, are `cached` from before, or `mixed`."""
+        cached = {run.cached for runs in self._runs.values() for run in runs.values()}
+        return 'mixed' if len(cached) > 1 else 'cached' if cached == {True} else 'measured'
+
     @cached_property
     def scores(self) -> dict[str, dict[str, dict[int, Scores]]]:
         """Sequence -> tracker -> seed -> figures of that run."""

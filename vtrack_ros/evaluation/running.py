@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from itertools import repeat
 import time
 from typing import Any
 
@@ -50,7 +51,8 @@ class Run:
                 for field in fields(self) if field.name != 'cached'}
 
 
-def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box) -> Run:
+def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
+                steps: Iterable[float] | None = None) -> Run:
     """
     Start a tracker on the first frame and update it with every other one.
 
@@ -59,9 +61,13 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box) -> Ru
     Parameters
     ----------
     tracker : Tracker
+        Started anew, whatever it did before.
     frames : iterable of ndarray of uint8
         At least one.
     first_box : Box
+        Where the target is in the first frame.
+    steps : iterable of float, [frames]
+        For each frame the time since the one before, by default 1.
 
     Raises
     ------
@@ -72,12 +78,12 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box) -> Ru
     estimates: list[Estimate] = []
     wall: list[float] = []
     cpu: list[float] = []
-    for frame in frames:
+    for frame, step in zip(frames, repeat(1.0) if steps is None else steps):
         if not estimates:
             estimates.append(tracker.start(frame, first_box))
             continue
         cpu_began, began = time.process_time(), time.perf_counter()
-        estimate = tracker.update(frame)
+        estimate = tracker.update(frame, step)
         ended, cpu_ended = time.perf_counter(), time.process_time()
         estimates.append(estimate)
         wall.append(1e3 * (ended - began))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 import hashlib
 from pathlib import Path
@@ -45,18 +46,23 @@ class Sequence(ABC):
 
     @property
     def first_box(self) -> Box:
-        """The box that a tracker is started on."""
+        """Return the box that a tracker is started on."""
         return Box(*self.truth[0])
+
+    @property
+    def steps(self) -> NDArray[np.float64]:
+        """Return the time since the frame before, in frame intervals, for each frame."""
+        return np.ones(len(self))
 
     @property
     @abstractmethod
     def video(self) -> str:
-        """What tells one video from another; targets of one video share it."""
+        """Return what tells one video from another; targets of one video share it."""
 
     @abstractmethod
-    def frames(self) -> list[Frame]:
+    def frames(self) -> Iterable[Frame]:
         """
-        Decode all frames.
+        Decode the frames.
 
         Raises
         ------
@@ -86,12 +92,12 @@ class FolderSequence(Sequence):
 
     @property
     def video(self) -> str:
-        """The folder of the images."""
+        """Return the folder of the images."""
         return str(self.images[0].parent)
 
-    def frames(self) -> list[Frame]:
-        """Decode all frames, in BGR; errors as the base class."""
-        return [_read_image(path) for path in self.images]
+    def frames(self) -> Iterable[Frame]:
+        """Decode the frames one by one, in BGR; errors as the base class."""
+        return (_read_image(path) for path in self.images)
 
     def fingerprint(self) -> str:
         """Return a hash of the truth and of every image file's content."""

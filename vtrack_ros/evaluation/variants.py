@@ -32,7 +32,7 @@ class TrackerVariant:
 
     @property
     def tracker_class(self) -> type[Tracker]:
-        """The class of the tracker."""
+        """Return the class of the tracker."""
         return _class(self.name)
 
     @property

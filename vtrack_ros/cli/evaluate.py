@@ -1,0 +1,137 @@
+"""`vtrack evaluate`: which tracker is best on which sequence, in figures."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import sys
+
+from vtrack_ros.evaluation.bag_sequence import read_bag
+from vtrack_ros.evaluation.cache import default_folder, RunCache
+from vtrack_ros.evaluation.document import write_json
+from vtrack_ros.evaluation.evaluating import evaluate
+from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.evaluation.results import Problem, Results
+from vtrack_ros.evaluation.sequences import find_sequences, Sequence, SequenceError
+from vtrack_ros.evaluation.table import sequence_table, summary_table
+from vtrack_ros.evaluation.variants import parse_variants
+
+SUMMARY = 'compare trackers on bags and image folders with ground truth'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        '--trackers', default='all', metavar='A,B,...',
+        help='which trackers, with parameters where they differ from the defaults '
+        '(pf,gmpf:particles=40); all: every one of this package; peers: those of OpenCV, where '
+        'it has them')
+    parser.add_argument('--bags', nargs='+', type=Path, default=[], metavar='BAG',
+                        help='bags with truth')
+    parser.add_argument('--topic', help='the image topic of the bags, where there are several')
+    parser.add_argument('--sequences', type=Path, metavar='DIR',
+                        help='a folder of sequences, each with img/ and groundtruth_rect.txt')
+    parser.add_argument('--seeds', type=_positive, default=1, metavar='K',
+                        help='how many seeds, from 0 on (default 1)')
+    parser.add_argument('--jobs', type=_positive, metavar='J',
+                        help='how many processes (default: as many as there are processors)')
+    parser.add_argument('--json', type=_output, metavar='FILE', help='write all figures as JSON')
+    parser.add_argument('--html', type=_output, metavar='FILE',
+                        help='write one page with plots and pictures')
+    parser.add_argument('--cache', type=Path, default=default_folder(), metavar='DIR',
+                        help='where finished runs are kept and found again (default %(default)s)')
+    parser.add_argument('--no-cache', action='store_true',
+                        help='run everything, also to have all times measured now')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """
+    Evaluate and print.
+
+    Returns
+    -------
+    code : int
+        0, or 1 where a sequence or a run was skipped because something is wrong with it.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is wrong.
+
+    """
+    trackers = parse_variants(arguments.trackers)
+    sequences, problems = _sequences(arguments)
+    for problem in problems:
+        print(f'skipped: {problem}', file=sys.stderr)
+    results = evaluate(
+        trackers, sequences, arguments.seeds, arguments.jobs, ProgressBar(sys.stderr),
+        None if arguments.no_cache else RunCache(arguments.cache))
+    for problem in results.problems:
+        print(f'failed: {problem}', file=sys.stderr)
+    results.problems = [*problems, *results.problems]
+    if results.summary:
+        _print(results)
+    if arguments.json:
+        write_json(results, arguments.json)
+    if arguments.html:
+        from vtrack_ros.evaluation.report_html import write_html
+        write_html(results, arguments.html)
+    return 1 if results.problems else 0
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command by itself, as `python -m vtrack_ros.evaluation` does."""
+    parser = argparse.ArgumentParser('vtrack evaluate', description=SUMMARY)
+    add_arguments(parser)
+    arguments = parser.parse_args(argv)
+    try:
+        return run(arguments)
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
+
+
+def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:
+    if arguments.sequences is None and not arguments.bags:
+        raise ValueError('nothing to evaluate on: give --sequences DIR or --bags PATH')
+    found: list[Sequence] = []
+    broken: dict[str, str] = {}
+    if arguments.sequences is not None:
+        found, broken = find_sequences(arguments.sequences)
+    for path in arguments.bags:
+        if not path.exists():
+            raise ValueError(f'{path}: no such bag')
+        try:
+            found.append(read_bag(path, arguments.topic))
+        except SequenceError as error:
+            broken[str(path)] = str(error)
+    return found, [Problem(name, '', text) for name, text in broken.items()]
+
+
+def _print(results: Results) -> None:
+    print(sequence_table(results))
+    print()
+    print(summary_table(results))
+    seeds = len(results.seeds)
+    print(f'\n{len(results.sequences)} targets, {seeds} seed{"s" * (seeds != 1)}, '
+          f'times {results.timings}')
+
+
+def _positive(text: str) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f'must be a whole number from 1 on, not {text!r}')
+    return number
+
+
+def _output(text: str) -> Path:
+    path = Path(text)
+    if not path.resolve().parent.is_dir():
+        raise argparse.ArgumentTypeError(f'there is no folder {path.resolve().parent}')
+    return path
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,47 @@
+"""Results as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from vtrack_ros.evaluation.environment import environment
+from vtrack_ros.evaluation.results import Results, Scores
+from vtrack_ros.evaluation.scoring import FIGURES
+
+
+def document(results: Results) -> dict[str, Any]:
+    """
+    Return results as what JSON can hold.
+
+    `sequences` is sequence -> tracker -> figures and `summary` tracker -> the means; each figure
+    KEY has its standard deviation over seeds in KEY_std. A figure that doesn't exist is null.
+    What depends on the clock is in `environment`, `timings` and the figures marked `timed`; all
+    else is the same whenever the same is evaluated.
+    """
+    return {
+        'environment': environment(),
+        'seeds': list(results.seeds),
+        'timings': results.timings,
+        'figures': {figure.key: {'description': figure.description, 'timed': figure.timed}
+                    for figure in FIGURES},
+        'trackers': {variant.label: {'tracker': variant.name, 'parameters': dict(
+            variant.parameters)} for variant in results.variants.values()},
+        'sequences': {sequence: {tracker: _plain(scores) for tracker, scores in row.items()}
+                      for sequence, row in results.by_sequence.items()},
+        'summary': {tracker: _plain(scores) for tracker, scores in results.summary.items()},
+        'problems': [{'sequence': problem.sequence, 'tracker': problem.tracker,
+                      'text': problem.text} for problem in results.problems],
+    }
+
+
+def write_json(results: Results, path: Path) -> None:
+    """Write `document` to a file."""
+    text = json.dumps(document(results), indent=1, allow_nan=False, ensure_ascii=False)
+    path.write_text(text + '\n', encoding='utf-8')
+
+
+def _plain(scores: Scores) -> dict[str, float | None]:
+    return {key: value if math.isfinite(value) else None for key, value in scores.items()}
