@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
+
+
+#: A longer gap than this, in frames, says nothing about how far a target moved.
+LONGEST_STEP = 30.0
 
 
 class Cadence:
@@ -35,12 +40,31 @@ class Cadence:
         return float(max(1, round(interval / max(1, median(self._intervals)))))
 
 
+@dataclass(frozen=True)
+class Sighting:
+    """
+    Where and when the target was last measured, and what it looked like.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8
+    stamp : int, [ns]
+    box : Box
+
+    """
+
+    frame: Frame
+    stamp: int
+    box: Box
+
+
 class Follower:
     """
     Runs the chosen tracker over stamped frames and keeps the target through every change.
 
     A stamp that goes backwards (a bag that loops, a clock that was set back) or a frame of another
-    size ends the tracking: the follower then has no target until it's started again.
+    size ends the tracking: the follower then has no target until it's started again. A stamp that
+    stands still (a driver that doesn't stamp) counts as one frame interval.
 
     Parameters
     ----------
@@ -69,6 +93,7 @@ class Follower:
         self._estimate: Estimate | None = None
         self._frame: Frame | None = None
         self._stamp = 0
+        self._sighting: Sighting | None = None
         self._cadence = Cadence()
 
     @property
@@ -80,6 +105,11 @@ class Follower:
     def estimate(self) -> Estimate | None:
         """The latest estimate; None while there is no target."""
         return self._estimate
+
+    @property
+    def sighting(self) -> Sighting | None:
+        """The latest measured box with its frame; None while there is no target."""
+        return self._sighting
 
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
         """
@@ -96,6 +126,7 @@ class Follower:
         estimate = tracker.start(frame, box)
         self._tracker, self._estimate, self._frame = tracker, estimate, frame
         self._stamp = stamp
+        self._sighting = Sighting(frame, stamp, box)
         self._cadence = Cadence()
         return estimate
 
@@ -111,25 +142,50 @@ class Follower:
         """
         if self._estimate is None or self._frame is None:
             return None
-        if stamp <= self._stamp or frame.shape != self._frame.shape:
+        if stamp < self._stamp or frame.shape != self._frame.shape:
             self.forget()
             return None
-        dt = self._cadence.step(stamp - self._stamp)
+        interval = stamp - self._stamp
+        dt = min(self._cadence.step(interval), LONGEST_STEP) if interval else 1.0
         self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
+        if self._estimate.measured:
+            self._sighting = Sighting(frame, stamp, self._estimate.box)
         return self._estimate
 
     def forget(self) -> None:
         """Give up the target."""
-        self._estimate = self._frame = None
+        self._estimate = self._frame = self._sighting = None
+
+    def restart(self) -> Estimate | None:
+        """
+        Learn the target afresh where it was last measured, and go on from the latest frame.
+
+        Returns
+        -------
+        Estimate or None
+            None where there is no target.
+
+        """
+        seen, frame, stamp, cadence = self._sighting, self._frame, self._stamp, self._cadence
+        if seen is None or frame is None:
+            return None
+        try:
+            self.start(seen.frame, seen.stamp, seen.box)
+        except ValueError:
+            # A tracker may measure a box beyond the border, where no other one can begin.
+            self.forget()
+            return None
+        self._cadence = cadence
+        return self._estimate if frame is seen.frame else self.update(frame, stamp)
 
     def change(self, tracker: str | None = None, seed: int | None = None,
                parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
         """
         Change the tracker or any tracker's parameters; in force from the next frame on.
 
-        A changed parameter keeps the running tracker's memory; another tracker starts on the
-        latest frame and box. A new seed is used from the next start on.
+        A changed parameter keeps the running tracker's memory; another tracker starts where the
+        target was last measured. A new seed is used from the next start on.
 
         Raises
         ------
@@ -138,17 +194,19 @@ class Follower:
 
         """
         name = self._name if tracker is None else tracker
-        tracker_class(name)
+        merged = {owner: dict(values) for owner, values in self._parameters.items()}
         checked = {owner: tracker_class(owner).PARAMETERS.checked(values, owner)
                    for owner, values in (parameters or {}).items()}
         for owner, values in checked.items():
-            self._parameters.setdefault(owner, {}).update(values)
-        self._seed = self._seed if seed is None else seed
+            merged.setdefault(owner, {}).update(values)
+            # A tracker checks what its parameters must be to each other when it's made.
+            create_tracker(owner, **merged[owner])
+        seed = self._seed if seed is None else seed
+        replacement = create_tracker(name, seed=seed, **merged.get(name, {}))
+        self._parameters, self._seed = merged, seed
         if name != self._name:
-            self._name = name
-            self._tracker = self._create(name)
-            if self._estimate is not None and self._frame is not None:
-                self._estimate = self._tracker.start(self._frame, self._estimate.box)
+            self._name, self._tracker = name, replacement
+            self.restart()
         elif name in checked:
             self._tracker.configure(**checked[name])
 

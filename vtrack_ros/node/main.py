@@ -1,0 +1,96 @@
+"""The executable `tracker`: one target, followed through sensor_msgs/Image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import signal
+import sys
+from types import FrameType
+from typing import Any
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the plain node until it's told to end; return the exit code."""
+    def create() -> Any:
+        from vtrack_ros.node.tracker_node import TrackerNode
+        return TrackerNode()
+    return run(create, arguments)
+
+
+def lifecycle_main(arguments: Sequence[str] | None = None) -> int:
+    """Run the managed node until it's told to end; return the exit code."""
+    def create() -> Any:
+        from vtrack_ros.node.lifecycle import TrackerLifecycleNode
+        return TrackerLifecycleNode()
+    return run(create, arguments)
+
+
+def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> int:
+    """
+    Make a node and spin it until SIGINT or SIGTERM, on one thread.
+
+    Parameters
+    ----------
+    create : callable
+        Makes the node, once ROS is up.
+    arguments : sequence of str, optional
+        The command line; that of the process by default.
+
+    Returns
+    -------
+    int
+        0 after a signal, 2 if a parameter was wrong from the start.
+
+    """
+    # ROS takes a while to load; a signal in that time must end the process as cleanly as later.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+    try:
+        return _run(create, arguments)
+    except KeyboardInterrupt:
+        return 0
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
+    import rclpy
+    from rclpy.exceptions import ParameterException
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+    rclpy.init(args=None if arguments is None else list(arguments))
+    node = None
+    try:
+        try:
+            node = create()
+        except (ParameterException, TypeError, ValueError) as error:
+            print(f'tracker: {error}', file=sys.stderr)
+            return 2
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while rclpy.ok():
+            try:
+                executor.spin()
+            except (KeyboardInterrupt, ExternalShutdownException):
+                break
+            except Exception as error:
+                # A request that rclpy itself can't read ends in an exception here; a robot's
+                # node must outlive it. After a shutdown it's only the way out.
+                if rclpy.ok():
+                    node.get_logger().error(f'{type(error).__name__}: {error}')
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # A second signal must not turn a clean end into a traceback.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

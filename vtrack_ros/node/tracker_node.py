@@ -1,0 +1,31 @@
+"""The plain node."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.node import Node
+
+from vtrack_ros.node.pipeline import Pipeline
+from vtrack_ros.ros.parameters import ParameterServer
+
+
+class TrackerNode(Node):
+    """
+    Follows a target in the images that it receives; docs/node.md describes its face.
+
+    Parameters
+    ----------
+    **arguments
+        Those of rclpy.node.Node.
+
+    Raises
+    ------
+    TypeError, ValueError, rclpy.exceptions.ParameterException
+        If a parameter is wrong from the start.
+
+    """
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__('tracker', **arguments)
+        self._pipeline = Pipeline(self, ParameterServer(self))

@@ -1,0 +1,171 @@
+"""What flows through the node: rates, latency, and frames that never came."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
+
+from vtrack_ros.follower import Cadence
+
+#: Share of missing frames from which on it's worth a warning.
+NOTABLE_LOSS = 0.01
+#: How many latencies and processing times are remembered.
+MEMORY = 300
+#: A step in the stamps of more frames than this is a pause, not a loss.
+LONGEST_GAP = 30
+
+
+class FrameFlow:
+    """
+    Counts frames, and times them.
+
+    Attributes
+    ----------
+    received, malformed, missing : int
+        Frames that came, that came broken, and that never came, as the gaps between the stamps
+        tell.
+
+    """
+
+    def __init__(self) -> None:
+        self.received = 0
+        self.malformed = 0
+        self.missing = 0
+        self.processing: deque[float] = deque(maxlen=MEMORY)
+        self.latency: deque[float] = deque(maxlen=MEMORY)
+        self._stamp: int | None = None
+        self._cadence = Cadence()
+        self._first_arrival = self._last_arrival = 0
+        self._since = 0
+        self._reported = (0, 0, 0)
+
+    def arrived(self, stamp: int, now: int) -> bool:
+        """
+        Count a frame.
+
+        Parameters
+        ----------
+        stamp : int, [ns]
+        now : int, [ns]
+            When it arrived, on a clock that never jumps.
+
+        Returns
+        -------
+        bool
+            Whether the stamps went backwards: another stream begins.
+
+        """
+        self.received += 1
+        self._since += 1
+        if not self._first_arrival:
+            self._first_arrival = now
+        self._last_arrival = now
+        previous, self._stamp = self._stamp, stamp
+        if previous is None:
+            return False
+        if stamp < previous:
+            self._cadence = Cadence()
+            return True
+        if stamp > previous:
+            gap = int(self._cadence.step(stamp - previous)) - 1
+            self.missing += gap if gap < LONGEST_GAP else 0
+        return False
+
+    def rate(self, now: int) -> float:
+        """Return the frames per second since the last call; `now` in ns as for `arrived`."""
+        elapsed = now - self._first_arrival
+        rate = self._since * 1e9 / elapsed if self._first_arrival and elapsed > 0 else 0.0
+        self._first_arrival, self._since = now, 0
+        return rate
+
+    def recent(self) -> tuple[int, int, int]:
+        """Return how many frames were received, malformed and missing since the last call."""
+        totals = (self.received, self.malformed, self.missing)
+        before, self._reported = self._reported, totals
+        return (totals[0] - before[0], totals[1] - before[1], totals[2] - before[2])
+
+    def silence(self, now: int) -> float:
+        """Return the seconds since the last frame; infinite before the first one."""
+        return (now - self._last_arrival) / 1e9 if self._last_arrival else float('inf')
+
+
+def percentiles(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median and the 99th percentile; NaN for no values."""
+    if not values:
+        return float('nan'), float('nan')
+    p50, p99 = np.percentile(np.asarray(values), (50, 99))
+    return float(p50), float(p99)
+
+
+def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
+           topic: str) -> tuple[int, str, dict[str, str]]:
+    """
+    Judge the flow of the last period.
+
+    Parameters
+    ----------
+    flow : FrameFlow
+    now : int, [ns]
+    faults : sequence of str
+        QoS mismatches.
+    publishers : int
+        Of the image topic.
+    topic : str
+
+    Returns
+    -------
+    level : int
+        0 well, 1 a warning, 2 an error.
+    message : str
+    values : dict of str to str
+
+    """
+    rate = flow.rate(now)
+    received, malformed, missing = flow.recent()
+    processing, latency = percentiles(flow.processing), percentiles(flow.latency)
+    values = {
+        'frame rate': f'{rate:.1f} Hz',
+        'frames received': str(flow.received),
+        'frames missing': str(flow.missing),
+        'frames malformed': str(flow.malformed),
+        'processing p50': f'{processing[0]:.2f} ms', 'processing p99': f'{processing[1]:.2f} ms',
+        'latency p50': f'{latency[0]:.2f} ms', 'latency p99': f'{latency[1]:.2f} ms',
+    }
+    if faults:
+        return 2, faults[0], values
+    if not publishers:
+        return 1, f'nobody publishes {topic}', values
+    if not received:
+        silence = flow.silence(now)
+        since = 'yet' if silence == float('inf') else f'for {silence:.0f} s'
+        return 1, f'no image on {topic} {since}', values
+    if malformed:
+        return 1, f'{malformed} of the last {received + malformed} images were malformed', values
+    share = missing / (received + missing)
+    if share > NOTABLE_LOSS:
+        interval = 1e3 / rate * (1 - share) if rate else 0.0
+        slow = processing[0] > interval
+        reason = (f'a frame takes {processing[0]:.1f} ms: choose a faster tracker or fewer '
+                  'particles' if slow else
+                  'lost before they came here: use the Fast DDS profile config/fastdds.xml on '
+                  'both sides')
+        return 1, f'{missing} of the last {received + missing} frames are missing, {reason}', values
+    return 0, f'{rate:.1f} Hz', values
+
+
+def array(stamp: Any, rows: Sequence[DiagnosticStatus]) -> DiagnosticArray:
+    """Return a message for /diagnostics; the stamp is the node's time."""
+    message = DiagnosticArray(status=list(rows))
+    message.header.stamp = stamp
+    return message
+
+
+def status(name: str, level: int, message: str, values: dict[str, str]) -> DiagnosticStatus:
+    """Return one row of /diagnostics."""
+    return DiagnosticStatus(
+        level=bytes([level]), name=name, message=message,
+        values=[KeyValue(key=key, value=value) for key, value in values.items()])

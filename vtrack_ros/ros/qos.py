@@ -1,0 +1,153 @@
+"""Quality of service: taking what the publisher offers, and saying so where nothing fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy, HistoryPolicy, qos_policy_name_from_kind, QoSProfile, ReliabilityPolicy)
+
+_RELIABILITY = {
+    'auto': ReliabilityPolicy.RELIABLE,
+    'reliable': ReliabilityPolicy.RELIABLE,
+    'best_effort': ReliabilityPolicy.BEST_EFFORT,
+}
+
+
+def image_qos(reliability: ReliabilityPolicy) -> QoSProfile:
+    """Return the profile for images: the newest frame alone, so that none waits behind another."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=reliability,
+                      durability=DurabilityPolicy.VOLATILE)
+
+
+class ImageInput:
+    """
+    A subscription to images that takes the reliability that the publisher offers.
+
+    It begins reliable, and turns to best effort as soon as a publisher shows up that offers no
+    more: a publisher that waits for its match before it sends loses no frame by that.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    kind : type
+        The message type.
+    topic : str
+    reliability : {'auto', 'reliable', 'best_effort'}
+    callback : callable
+        Called with a message and its info, a dict of time stamps.
+
+    """
+
+    def __init__(self, node: Node, kind: Any, topic: str, reliability: str,
+                 callback: Callable[[Any, Any], None]) -> None:
+        self._node = node
+        self._kind = kind
+        self._topic = topic
+        self._choice = reliability
+        self._callback = callback
+        self._policy = _RELIABILITY[reliability]
+        self._subscription = self._subscribe()
+        self._faults: tuple[str, ...] = ()
+        self._type = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
+        self.lost = 0
+
+    @property
+    def topic(self) -> str:
+        """The resolved name of the topic."""
+        return str(self._subscription.topic_name)
+
+    @property
+    def reliability(self) -> str:
+        """The reliability in force, in lower case."""
+        return str(self._policy.name.lower())
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Why no image comes from which publisher; empty while all match."""
+        return self._faults
+
+    @property
+    def publishers(self) -> int:
+        """The number of publishers on the topic, matching or not."""
+        return int(self._node.count_publishers(self.topic))
+
+    def check(self) -> None:
+        """Look at the publishers: adapt to them, and log what can't be matched."""
+        offers = self._node.get_publishers_info_by_topic(self.topic)
+        images = [offer for offer in offers if offer.topic_type == self._type]
+        if self._choice == 'auto' and images:
+            weakest = ReliabilityPolicy.RELIABLE
+            if any(offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                   for offer in images):
+                weakest = ReliabilityPolicy.BEST_EFFORT
+            if weakest != self._policy:
+                self._change(weakest)
+        faults = tuple(fault for fault in map(self._fault, offers) if fault)
+        for fault in faults:
+            if fault not in self._faults:
+                self._node.get_logger().error(fault)
+        self._faults = faults
+
+    def destroy(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _fault(self, offer: Any) -> str:
+        whose = f"{self.topic}: publisher of node '{offer.node_name}'"
+        if offer.topic_type != self._type:
+            return (f'{whose} sends {offer.topic_type}, not {self._type}: no image will come '
+                    'from it; remap the topic, or set image_transport')
+        weak = offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        if weak and self._policy == ReliabilityPolicy.RELIABLE:
+            return (f'{whose} offers best_effort, but reliability is {self._choice!r} (QoS '
+                    'mismatch): no image will come from it; set reliability to auto or '
+                    'best_effort')
+        return ''
+
+    def _change(self, policy: ReliabilityPolicy) -> None:
+        self._policy = policy
+        previous, self._subscription = self._subscription, self._subscribe()
+        self._node.destroy_subscription(previous)
+        self._node.get_logger().info(f'{self.topic}: taking images as {self.reliability}')
+
+    def _subscribe(self) -> Any:
+        events = SubscriptionEventCallbacks(
+            incompatible_qos=self._on_mismatch, message_lost=self._on_lost)
+        return self._node.create_subscription(
+            self._kind, self._topic, self._callback, image_qos(self._policy),
+            event_callbacks=events)
+
+    def _on_mismatch(self, _: Any) -> None:
+        self.check()
+
+    def _on_lost(self, event: Any) -> None:
+        self.lost += int(event.total_count_change)
+
+
+class OutputFaults:
+    """Collects the subscribers of our outputs that asked for what we don't offer."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._faults: dict[str, str] = {}
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """What was asked for, one sentence a topic."""
+        return tuple(self._faults.values())
+
+    def callbacks(self, topic: str) -> PublisherEventCallbacks:
+        """Return the event callbacks for the publisher of `topic`."""
+        def on_mismatch(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            name = self._node.resolve_topic_name(topic)
+            fault = (f'{name}: {event.total_count} subscriber(s) asked for a {policy} that is '
+                     'not offered (QoS mismatch): nothing will be sent to them; subscribe '
+                     'reliable or best_effort, and volatile')
+            self._faults[topic] = fault
+            self._node.get_logger().error(fault)
+        return PublisherEventCallbacks(incompatible_qos=on_mismatch)
