@@ -1,0 +1,284 @@
+"""The particle filter's loop: convergence to the Kalman filter, recovery, state, errors."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.linear_models import ConstantVelocity, FirstOrderAutoregressive
+from vtrack_ros.estimation.particle_filter import ParticleFilter
+from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal
+from vtrack_ros.estimation.weights import Weights
+
+
+def make(model=None, proposal=None, **options):
+    options.setdefault('particles', 200)
+    options.setdefault('rng', np.random.default_rng(1))
+    particle_filter = ParticleFilter(model or ConstantVelocity(2, 2), proposal, **options)
+    dimension = particle_filter.model.state_dimension
+    particle_filter.start(np.zeros(dimension), np.eye(dimension))
+    return particle_filter
+
+
+def test_without_a_likelihood_a_step_is_a_prediction():
+    model = ConstantVelocity(1, acceleration_density=0.3)
+    particle_filter = make(model, particles=20000)
+    mean, covariance = np.array([3.0, -1.0]), np.array([[2.0, 0.5], [0.5, 1.0]])
+    particle_filter.start(mean, covariance, time=4.0)
+    result = particle_filter.step(dt=0.5)
+    matrix = model.transition_matrix(0.5)
+    predicted = matrix @ covariance @ matrix.T + model.process_noise(0.5)
+    error = np.sqrt(predicted.diagonal() / 20000)
+    assert (np.abs(result.mean - matrix @ mean) < 5 * error).all()
+    # The standard error of a variance v from N samples is v sqrt(2 / N).
+    np.testing.assert_allclose(result.covariance, predicted,
+                               atol=5 * math.sqrt(2 / 20000) * predicted.max())
+    assert result.belief.time == particle_filter.belief.time == 4.5
+    assert result.log_evidence == pytest.approx(0.0)
+    assert not result.resampled
+
+
+def test_a_likelihood_may_be_any_function_of_the_states():
+    particle_filter = make(particles=5000)
+    seen = []
+
+    def log_likelihood(states):
+        seen.append(states.shape)
+        return np.where(states[:, 0] > 0, 0.0, -np.inf)
+
+    result = particle_filter.step(log_likelihood=log_likelihood)
+    assert seen == [(5000, 6)]
+    inside = result.belief.states[:, 0] > 0
+    np.testing.assert_allclose(result.belief.weights.values[~inside], 0.0)
+    assert math.exp(result.log_evidence) == pytest.approx(inside.mean())
+    assert (particle_filter.belief.states[:, 0] > 0).all() == result.resampled
+
+
+def test_propose_and_weight_are_a_step():
+    one, two = make(), make()
+    for step in range(8):
+        target = np.array([step, 0.0])
+        result = one.step(target)
+        proposed = two.propose(target)
+        other = two.weight(proposed, two.model.log_likelihood(proposed.states, target))
+        np.testing.assert_array_equal(result.mean, other.mean)
+    np.testing.assert_array_equal(one.belief.states, two.belief.states)
+
+
+def test_the_estimate_is_taken_before_resampling():
+    particle_filter = make(threshold=1.0)
+    result = particle_filter.step(np.array([1.0, 1.0]))
+    assert result.resampled
+    weights = result.belief.weights.values
+    np.testing.assert_allclose(result.mean, weights @ result.belief.states)
+    deviation = result.belief.states - result.mean
+    np.testing.assert_allclose(result.covariance, (deviation.T * weights) @ deviation)
+    np.testing.assert_allclose(particle_filter.belief.weights.values, 1 / 200)
+
+
+@pytest.mark.parametrize('threshold, resampled', [(0.0, False), (1.0, True)])
+def test_the_threshold_decides_on_resampling(threshold, resampled):
+    particle_filter = make(threshold=threshold)
+    for _ in range(5):
+        assert particle_filter.step(np.array([0.5, 0.5])).resampled is resampled
+
+
+@pytest.mark.parametrize('value', [-math.inf, math.nan])
+@pytest.mark.parametrize('proposal', [PriorProposal(), GreyProposal()])
+def test_nothing_explains_the_measurement(value, proposal):
+    """The measurement is ignored and counted, and the filter lives on."""
+    particle_filter = make(proposal=proposal, threshold=0.0)
+    for _ in range(6):
+        particle_filter.step(np.array([0.1, 0.1]))
+    before = particle_filter.belief.weights.values
+    result = particle_filter.step(log_likelihood=lambda states: np.full(len(states), value))
+    assert result.recovered and particle_filter.recoveries == 1
+    np.testing.assert_array_equal(result.belief.weights.values, before)
+    assert np.isfinite(result.mean).all() and np.isfinite(result.covariance).all()
+    again = particle_filter.step(np.array([0.1, 0.1]))
+    assert not again.recovered and particle_filter.recoveries == 1
+
+
+@pytest.mark.parametrize('proposal', [PriorProposal(), GreyProposal(), GreyProposal(margin=None)])
+def test_the_seed_decides(proposal):
+    runs = []
+    for _ in range(2):
+        particle_filter = make(proposal=proposal)
+        runs.append([particle_filter.step(np.array([0.2 * k, 0.0])).mean for k in range(12)])
+    np.testing.assert_array_equal(*runs)
+
+
+def test_state_can_be_read_and_set():
+    particle_filter = make(proposal=GreyProposal())
+    for step in range(7):
+        particle_filter.step(np.array([step, step]))
+    kept = particle_filter.belief
+    rng = np.random.default_rng(9)
+    outcomes = []
+    for _ in range(2):
+        particle_filter.belief = kept
+        particle_filter._rng = np.random.default_rng(rng.integers(1) + 7)
+        outcomes.append(particle_filter.step(np.array([7.0, 7.0])).mean)
+    np.testing.assert_array_equal(*outcomes)
+    states = np.full((50, 6), 2.0) + 0.1 * np.arange(6)
+    belief = particle_filter.set_particles(states)
+    assert len(belief) == 50 and belief.time == kept.time + 1
+    assert len(belief.estimates) == 5
+    result = particle_filter.step()
+    assert len(result.belief) == 50
+
+
+def test_particles_may_be_set_without_a_start():
+    particle_filter = ParticleFilter(ConstantVelocity(1), rng=np.random.default_rng(1))
+    with pytest.raises(ValueError, match='start'):
+        particle_filter.step()
+    particle_filter.set_particles([[0.0, 1.0], [2.0, 1.0]], np.log([0.25, 0.75]))
+    np.testing.assert_allclose(particle_filter.belief.mean, [1.5, 1.0])
+
+
+def test_the_grey_proposal_is_the_prior_until_there_are_enough_estimates():
+    grey, prior = make(proposal=GreyProposal(window=5)), make()
+    target = np.array([1.0, 0.0])
+    for step in range(8):
+        # The start counts as the first estimate: the fifth step, k = m, is the first grey one.
+        assert (grey.propose(target).log_density is None) == (step < 4)
+        grey.belief, prior.belief = prior.belief, prior.belief
+        grey, prior = make(proposal=GreyProposal(window=5)), make()
+        for _ in range(step + 1):
+            same = np.array_equal(grey.step(target).mean, prior.step(target).mean)
+        assert same == (step < 4)
+
+
+def test_the_grey_density_is_the_one_that_it_samples():
+    model = FirstOrderAutoregressive([1.0], [0.5], [[1.0]])
+    states = np.random.default_rng(2).normal(10.0, 2.0, (40000, 1))
+    estimates = tuple(np.array([value]) for value in (6.0, 7.0, 8.0, 9.0, 10.0))
+    belief = Belief(states, Weights.uniform(40000), 5.0, None, estimates,
+                    (1.0, 2.0, 3.0, 4.0, 5.0))
+    proposal = GreyProposal(floor=2.0)
+    forecast = proposal.forecast(belief, 1.0)
+    proposed = proposal.propose(model, belief, 1.0, np.random.default_rng(3))
+    variance = ((states - forecast) ** 2).mean() + 2.0 * 0.5
+    drawn = proposed.states[:, 0]
+    assert abs(drawn.mean() - forecast[0]) < 5 * math.sqrt(variance / 40000)
+    assert drawn.var() == pytest.approx(variance, rel=5 * math.sqrt(2 / 40000))
+    expected = (-0.5 * (drawn - forecast[0]) ** 2 / variance
+                - 0.5 * math.log(2 * math.pi * variance))
+    np.testing.assert_allclose(proposed.log_density, expected, rtol=1e-9)
+
+
+def test_the_floor_keeps_a_collapsed_set_alive():
+    """The spread of one point about its own forecast is zero: without a floor nothing moves."""
+    model = ConstantVelocity(1, acceleration_density=4.0)
+    state = np.array([5.0, 0.0])
+    belief = Belief(np.tile(state, (1000, 1)), Weights.uniform(1000), 4.0, None, (state,) * 5,
+                    (0.0, 1.0, 2.0, 3.0, 4.0))
+    drawn = GreyProposal().propose(model, belief, 1.0, np.random.default_rng(4)).states
+    np.testing.assert_allclose(np.cov(drawn.T), model.process_noise(1.0), rtol=0.25)
+
+
+def test_a_dropped_frame_is_forecast_as_two_steps():
+    positions = 10.0 + 3.0 * np.arange(5)
+    estimates = tuple(np.array([position, 3.0]) for position in positions)
+    belief = Belief(np.zeros((1, 2)), Weights.uniform(1), 2.0, None, estimates,
+                    (0.0, 0.5, 1.0, 1.5, 2.0))
+    proposal = GreyProposal(margin=1000.0, velocities={1: 0})
+    once, twice = proposal.forecast(belief, 0.5), proposal.forecast(belief, 1.0)
+    np.testing.assert_allclose(once, [25.0, 6.0], atol=0.1)
+    np.testing.assert_allclose(twice, [28.0, 6.0], atol=0.1)
+
+
+def test_a_share_of_prior_particles_bounds_the_weights():
+    model = ConstantVelocity(2, 2)
+    particle_filter = make(model, GreyProposal(prior_share=0.25), particles=500)
+    for step in range(6):
+        particle_filter.step(np.array([step, 0.0]))
+    for _ in range(5):
+        belief = particle_filter.belief
+        proposed = particle_filter.propose()
+        ratio = model.log_transition(proposed.states, belief.states, 1.0) - proposed.log_density
+        assert (ratio <= math.log(1 / 0.25) + 1e-9).all()
+        particle_filter.weight(proposed, None)
+
+
+def test_simplified_weights_are_the_likelihood_alone():
+    particle_filter = make(proposal=GreyProposal(), weighting='simplified', threshold=1.0)
+    for step in range(8):
+        target = np.array([0.3 * step, 0.0])
+        result = particle_filter.step(target)
+    likelihood = np.exp(particle_filter.model.log_likelihood(result.belief.states, target))
+    np.testing.assert_allclose(result.belief.weights.values, likelihood / likelihood.sum())
+
+
+def test_full_weights_are_the_paper_s():
+    """The weight of [Zhu2012, eq. 5], from the densities themselves."""
+    model = ConstantVelocity(2, 2)
+    particle_filter = make(model, GreyProposal(), threshold=0.0)
+    for step in range(8):
+        target = np.array([0.3 * step, 0.0])
+        before = particle_filter.belief
+        proposed = particle_filter.propose(target)
+        result = particle_filter.weight(proposed, model.log_likelihood(proposed.states, target))
+    log_weight = (before.weights.logarithms
+                  + model.log_likelihood(proposed.states, target)
+                  + model.log_transition(proposed.states, before.states, 1.0)
+                  - proposed.log_density)
+    expected = np.exp(log_weight - log_weight.max())
+    np.testing.assert_allclose(result.belief.weights.values, expected / expected.sum())
+
+
+@pytest.mark.parametrize('options, name', [
+    ({'particles': 0}, 'particles'), ({'particles': 1.5}, 'particles'),
+    ({'threshold': 1.5}, 'threshold'), ({'threshold': math.nan}, 'threshold'),
+    ({'resampling': 'roulette'}, 'resampling'), ({'weighting': 'none'}, 'weighting')])
+def test_wrong_options_are_refused(options, name):
+    with pytest.raises(ValueError, match=name):
+        make(**options)
+
+
+@pytest.mark.parametrize('options, name', [
+    ({'window': 3}, 'window'), ({'floor': 0.0}, 'floor'), ({'margin': -1.0}, 'margin'),
+    ({'spread': 'wide'}, 'spread'), ({'prior_share': 1.0}, 'prior_share')])
+def test_wrong_options_of_the_grey_proposal_are_refused(options, name):
+    with pytest.raises(ValueError, match=name):
+        GreyProposal(**options)
+
+
+def test_wrong_input_of_a_step_is_refused_and_changes_nothing():
+    particle_filter = make()
+    before = particle_filter.belief
+    for arguments, name in [
+            ({'measurement': [1.0]}, 'measurement'), ({'measurement': [1.0, math.nan]}, 'finite'),
+            ({'dt': 0.0}, 'dt'), ({'dt': math.nan}, 'dt'),
+            ({'log_likelihood': lambda states: np.zeros(3)}, 'log_likelihood')]:
+        with pytest.raises(ValueError, match=name):
+            particle_filter.step(**arguments)
+    assert particle_filter.belief is before
+
+
+def test_a_wrong_start_is_refused():
+    particle_filter = make()
+    not_definite = np.eye(6)
+    not_definite[0, 0] = -1.0
+    lopsided = np.eye(6)
+    lopsided[0, 1] = 0.5
+    for mean, covariance, name in [
+            (np.zeros(5), np.eye(6), 'mean'), (np.zeros(6), np.eye(5), 'covariance'),
+            (np.zeros(6), not_definite, 'covariance'), (np.zeros(6), lopsided, 'covariance'),
+            (np.full(6, math.nan), np.eye(6), 'mean')]:
+        with pytest.raises(ValueError, match=name):
+            particle_filter.start(mean, covariance)
+    with pytest.raises(ValueError, match='states'):
+        particle_filter.set_particles(np.zeros((3, 5)))
+    with pytest.raises(ValueError, match='states'):
+        particle_filter.set_particles(np.zeros((0, 6)))
+
+
+def test_a_belief_of_other_shapes_is_refused():
+    with pytest.raises(ValueError, match='states'):
+        Belief(np.zeros((3, 2)), Weights.uniform(4))
+    with pytest.raises(ValueError, match='covariances'):
+        Belief(np.zeros((3, 2)), Weights.uniform(3), 0.0, np.zeros((3, 3, 3)))
+    with pytest.raises(ValueError, match='estimate'):
+        Belief(np.zeros((3, 2)), Weights.uniform(3), 0.0, None, (np.zeros(2),))

@@ -1,0 +1,335 @@
+"""The particle filter: one loop, whatever the proposal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.gaussian import GaussianNoise
+from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.proposals import PriorProposal, Proposal, Proposed
+from vtrack_ros.estimation.resampling import resampler
+from vtrack_ros.estimation.validation import (
+    checked_array, checked_count, checked_covariance, checked_states, FloatArray)
+from vtrack_ros.estimation.weights import Weights
+
+LogLikelihood: TypeAlias = Callable[[FloatArray], FloatArray]
+
+WEIGHTINGS = ('full', 'simplified')
+
+
+@dataclass(frozen=True, eq=False)
+class FilterStep:
+    """
+    What came out of one step.
+
+    Parameters
+    ----------
+    belief : Belief
+        Weighted by the measurement, before resampling: take estimates from this one.
+    resampled : bool
+        Whether the filter resampled afterwards.
+
+    """
+
+    belief: Belief
+    resampled: bool
+
+    @property
+    def mean(self) -> FloatArray:
+        """Return the posterior mean, shape (n,)."""
+        return self.belief.mean
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Return the posterior covariance, shape (n, n)."""
+        return self.belief.covariance
+
+    @property
+    def effective_sample_size(self) -> float:
+        """Return the effective sample size before resampling, from 1 to N."""
+        return self.belief.weights.effective_sample_size
+
+    @property
+    def log_evidence(self) -> float:
+        """Return the estimate of log p(z_k | z_1..z_{k-1}); not one with simplified weights."""
+        return self.belief.weights.log_evidence
+
+    @property
+    def recovered(self) -> bool:
+        """Whether no particle had any weight, so that the measurement was ignored."""
+        return self.belief.weights.recovered
+
+
+class ParticleFilter:
+    """
+    A particle filter with a proposal of one's choice.
+
+    A step draws particles from the proposal, weights them, estimates, and resamples where the
+    effective sample size has fallen below a threshold. PF, GMPF, KPF/EPF, UPF, QKPF and P-QKPF
+    differ in the proposal alone.
+
+    The weight of a particle is the previous one times
+
+    - 'full': `p(z|x) p(x|x_prev) / q(x|x_prev, z)` [Zhu2012, eq. 5; Qi2012, section 2.2 d];
+    - 'simplified': `p(z|x)` [Zhu2012, section 4, step 3]: right for the prior proposal only; with
+      any other, the proposal takes the place of the prior, and the posterior is that of a target
+      which moves as the proposal says. The grey proposal draws a particle that has nothing to do
+      with the one it replaces; the full weight compares it with that one predecessor all the
+      same, and in many dimensions leaves weight to few.
+
+    Where no particle explains the measurement (all weights vanish), the measurement is ignored:
+    the proposed particles keep the weights of before, the step is marked `recovered`, and
+    `recoveries` counts it.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    proposal : Proposal, optional
+        The transition prior by default.
+    particles : int
+        N, at least one.
+    resampling : {'systematic', 'stratified', 'residual', 'multinomial'}
+    threshold : float
+        Resample when the effective sample size is below this fraction of N, in [0, 1]; 1 is at
+        every step unless all weights are equal, 0 never.
+    weighting : {'full', 'simplified'}
+    rng : numpy.random.Generator
+        Where all randomness comes from.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or a scheme or weighting unknown.
+
+    """
+
+    def __init__(
+            self, model: StateSpaceModel, proposal: Proposal | None = None, *,
+            particles: int = 100, resampling: str = 'systematic', threshold: float = 0.5,
+            weighting: str = 'full', rng: np.random.Generator) -> None:
+        self.model = model
+        self.proposal = proposal if proposal is not None else PriorProposal()
+        self.particles = checked_count('particles', particles)
+        self._resample = resampler(resampling)
+        if not 0 <= threshold <= 1:
+            raise ValueError(f'threshold must be from 0 to 1, not {threshold!r}')
+        self.threshold = float(threshold)
+        if weighting not in WEIGHTINGS:
+            raise ValueError(f'unknown weighting {weighting!r}; valid are '
+                             + ', '.join(WEIGHTINGS))
+        self.weighting = weighting
+        self.recoveries = 0
+        self._rng = rng
+        self._belief: Belief | None = None
+
+    @property
+    def belief(self) -> Belief:
+        """
+        Return the belief that the next step starts from; it may be set.
+
+        Raises
+        ------
+        ValueError
+            If the filter hasn't been started, or a belief of another dimension is set.
+
+        """
+        if self._belief is None:
+            raise ValueError('the filter has no belief yet: call start() or set_particles()')
+        return self._belief
+
+    @belief.setter
+    def belief(self, belief: Belief) -> None:
+        checked_states('states', belief.states, self.model.state_dimension)
+        self._belief = belief
+
+    def start(self, mean: ArrayLike, covariance: ArrayLike, time: float = 0.0) -> Belief:
+        """
+        Begin, or begin again, with particles from a Gaussian.
+
+        Parameters
+        ----------
+        mean : array_like, shape (n,)
+            Of the state.
+        covariance : array_like, shape (n, n)
+            Symmetric positive definite.
+        time : float
+            What the clock shows.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong, or the covariance not positive definite.
+
+        """
+        dimension = self.model.state_dimension
+        mean = checked_array('mean', mean, (dimension,))
+        covariance = checked_covariance('covariance', covariance, dimension)
+        noise = GaussianNoise.from_covariance(covariance)
+        states = noise.sample(self.particles, self._rng)
+        states += mean
+        self._belief = Belief(
+            states, Weights.uniform(self.particles), time, self._spread(covariance),
+            *self._remembered((), (), mean, time))
+        return self._belief
+
+    def set_particles(self, states: ArrayLike, log_weights: FloatArray | None = None) -> Belief:
+        """
+        Put particles where the caller knows better; time and past estimates are kept.
+
+        A covariance that a proposal keeps for each particle becomes that of the new set.
+
+        Parameters
+        ----------
+        states : array_like, shape (N, n)
+            N may differ from before.
+        log_weights : ndarray, shape (N,), optional
+            Not normalised; uniform by default.
+
+        Raises
+        ------
+        ValueError
+            If a shape is wrong or a state isn't finite.
+
+        """
+        states = checked_states('states', states, self.model.state_dimension)
+        weights = (Weights.uniform(len(states)) if log_weights is None
+                   else Weights.from_log(log_weights))
+        self.particles = len(states)
+        belief = Belief(states, weights)
+        old = self._belief
+        time = old.time if old is not None else 0.0
+        memory = ((old.estimates, old.estimate_times) if old is not None
+                  else self._remembered((), (), belief.mean, time))
+        self._belief = Belief(states, weights, time, self._spread(belief.covariance), *memory)
+        return self._belief
+
+    def step(
+            self, measurement: ArrayLike | None = None, dt: float = 1.0,
+            log_likelihood: LogLikelihood | None = None,
+            error: GaussianNoise | None = None) -> FilterStep:
+        """
+        Go on by `dt`: propose, weight, estimate, resample.
+
+        Parameters
+        ----------
+        measurement : array_like, shape (m,), optional
+            Steers proposals that look at it, which otherwise fall back to prediction. It weights
+            the particles too, by the model, unless `log_likelihood` does.
+        dt : float
+            Positive.
+        log_likelihood : callable, optional
+            Takes states, shape (N, n), returns log p(z | x), shape (N,). Without it and without
+            a measurement the step is a pure prediction.
+        error : GaussianNoise, optional
+            The measurement's error, where it differs from the model's.
+
+        Raises
+        ------
+        ValueError
+            If the filter hasn't been started, dt isn't positive, or a shape is wrong.
+
+        """
+        proposed = self.propose(measurement, dt, error)
+        if log_likelihood is not None:
+            values = log_likelihood(proposed.states)
+        elif measurement is not None:
+            values = self.model.log_likelihood(
+                proposed.states, np.asarray(measurement, dtype=np.float64),
+                self.belief.time + dt, error)
+        else:
+            values = None
+        return self.weight(proposed, values, dt)
+
+    def propose(
+            self, measurement: ArrayLike | None = None, dt: float = 1.0,
+            error: GaussianNoise | None = None) -> Proposed:
+        """
+        Draw the next particles; the filter stays as it is until they are weighted.
+
+        Parameters and errors are those of `step`.
+        """
+        if not dt > 0:
+            raise ValueError(f'dt must be positive, not {dt!r}')
+        if measurement is not None:
+            measurement = checked_array(
+                'measurement', measurement, (self.model.measurement_dimension,))
+        return self.proposal.propose(
+            self.model, self.belief, dt, self._rng, measurement, error)
+
+    def weight(
+            self, proposed: Proposed, log_likelihood: FloatArray | None,
+            dt: float = 1.0) -> FilterStep:
+        """
+        Weight proposed particles and take them over.
+
+        Parameters
+        ----------
+        proposed : Proposed
+            From `propose`, with the same `dt`.
+        log_likelihood : ndarray, shape (N,), or None
+            Of each proposed particle; None where nothing was seen.
+        dt : float
+            The length of the step.
+
+        Raises
+        ------
+        ValueError
+            If the log-likelihood is of another shape.
+
+        """
+        belief = self.belief
+        log_weights = self._log_weights(proposed, belief, dt)
+        if log_likelihood is not None:
+            if np.shape(log_likelihood) != log_weights.shape:
+                raise ValueError(f'log_likelihood must have the shape {log_weights.shape}, '
+                                 f'not {np.shape(log_likelihood)}')
+            log_weights = log_weights + log_likelihood
+        weights = Weights.from_log(log_weights, fallback=belief.weights)
+        self.recoveries += weights.recovered
+        time = belief.time + dt
+        mean = weights.values @ proposed.states
+        memory = self._remembered(belief.estimates, belief.estimate_times, mean, time)
+        posterior = Belief(proposed.states, weights, time, proposed.covariances, *memory)
+        resample = weights.effective_sample_size < self.threshold * len(weights)
+        self._belief = self._resampled(posterior) if resample else posterior
+        return FilterStep(posterior, resample)
+
+    def _log_weights(self, proposed: Proposed, belief: Belief, dt: float) -> FloatArray:
+        """Return the log-weights without the likelihood, shape (N,)."""
+        previous = belief.weights.logarithms
+        if proposed.log_density is None or self.weighting == 'simplified':
+            return previous
+        ratio = self.model.log_transition(proposed.states, belief.states, dt, belief.time)
+        ratio -= proposed.log_density
+        ratio += previous
+        return ratio
+
+    def _resampled(self, belief: Belief) -> Belief:
+        indices = self._resample(belief.weights.values, self.particles, self._rng)
+        covariances = belief.covariances
+        return Belief(
+            belief.states[indices], Weights.uniform(self.particles), belief.time,
+            None if covariances is None else covariances[indices],
+            belief.estimates, belief.estimate_times)
+
+    def _spread(self, covariance: FloatArray) -> FloatArray | None:
+        """Return a copy of the covariance for each particle, where the proposal keeps them."""
+        if not self.proposal.keeps_covariances:
+            return None
+        return np.tile(covariance, (self.particles, 1, 1))
+
+    def _remembered(
+            self, estimates: tuple[FloatArray, ...], times: tuple[float, ...],
+            mean: FloatArray, time: float,
+            ) -> tuple[tuple[FloatArray, ...], tuple[float, ...]]:
+        """Return the past estimates with one more, no more than the proposal looks at."""
+        window = self.proposal.window
+        if not window:
+            return (), ()
+        return (*estimates, mean)[-window:], (*times, time)[-window:]

@@ -1,0 +1,205 @@
+"""Proposals: where a particle filter looks for the next state."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.gaussian import GaussianNoise
+from vtrack_ros.estimation.grey import (
+    equivariant_forecast, gm11_forecast, SHORTEST_SERIES)
+from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
+
+SPREADS = ('forecast', 'mean', 'predicted')
+
+
+@dataclass(frozen=True, eq=False)
+class Proposed:
+    """
+    Samples of a proposal, one for each particle.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, n)
+    log_density : ndarray, shape (N,), optional
+        The proposal's log-density at each sample; None where the proposal is the transition
+        prior itself, so that the two cancel in the weight.
+    covariances : ndarray, shape (N, n, n), optional
+        Of each particle's own Gaussian filter, to be kept for the next step.
+
+    """
+
+    states: FloatArray
+    log_density: FloatArray | None = None
+    covariances: FloatArray | None = None
+
+
+class Proposal(ABC):
+    """
+    A density to draw the next particles from.
+
+    A proposal holds no state: all that it looks at is in the belief, so one object may serve
+    several filters.
+    """
+
+    window: int = 0
+    """How many past estimates it looks at."""
+    keeps_covariances: bool = False
+    """Whether each particle carries the covariance of its own Gaussian filter."""
+
+    @abstractmethod
+    def propose(
+            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+            measurement: FloatArray | None = None,
+            error: GaussianNoise | None = None) -> Proposed:
+        """
+        Draw one successor for each particle.
+
+        Parameters
+        ----------
+        model : StateSpaceModel
+            Of the state's motion and measurement.
+        belief : Belief
+            Of before the step.
+        dt : float
+            The length of the step.
+        rng : numpy.random.Generator
+            Where randomness comes from.
+        measurement : ndarray, shape (m,), optional
+            At the end of the step; None where there is none.
+        error : GaussianNoise, optional
+            The measurement's error, where it differs from the model's.
+
+        """
+
+
+class PriorProposal(Proposal):
+    """The transition prior p(x_k | x_{k-1}): the bootstrap filter, or Condensation."""
+
+    def propose(
+            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+            measurement: FloatArray | None = None,
+            error: GaussianNoise | None = None) -> Proposed:
+        """Draw one successor for each particle from the model's transition."""
+        return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
+
+
+class GreyProposal(Proposal):
+    """
+    The grey proposal N(g_k, P_k) about a GM(1,1) forecast [Zhu2012, eqs 16-18].
+
+    g_k is the forecast of the last `window` estimates; until there are as many, particles come
+    from the transition prior. P_k is the spread of the previous particles about g_k (eq. 17).
+    As printed, nothing keeps P_k up once resampling has collapsed the particles: `floor` times
+    the process noise is added.
+
+    Parameters
+    ----------
+    window : int
+        m, at least 4; the paper uses 5 and finds 4 to 6 good and 10 useless [Zhu2012, table 3].
+    floor : float
+        How much of the process noise is added to P_k, positive.
+    margin : float or None
+        That of `equivariant_forecast`; None takes the paper's formula, `gm11_forecast`, whose
+        forecast depends on where in the image the target is.
+    spread : {'forecast', 'mean', 'predicted'}
+        What P_k is the spread of: of the previous particles about the forecast (the paper), which
+        also holds the square of the forecast motion, so that the particles of a fast target
+        spread along its path; of the previous particles about their mean; or of the particles
+        moved on by the transition about their mean, so that uncertain velocities widen it.
+    prior_share : float
+        The fraction of particles that the transition prior draws, in [0, 1); the proposal is then
+        the mixture of both densities. The paper has none. The forecast of a component that is
+        not measured feeds on itself, and a few steps of wrong forecasts can carry all particles
+        away from what the model allows; with a share s of prior particles the weight
+        `prior / proposal` is at most 1/s, and the filter comes back.
+    velocities : mapping of int to int, optional
+        Which component is the derivative of which, e.g. `{2: 0, 3: 1}`: it is then forecast as
+        the forecast change of that component over dt, in place of a series of its own.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    """
+
+    def __init__(
+            self, window: int = 5, floor: float = 1.0, margin: float | None = 10.0,
+            spread: str = 'forecast', prior_share: float = 0.0,
+            velocities: Mapping[int, int] | None = None) -> None:
+        self.window = checked_count('window', window, least=SHORTEST_SERIES)
+        self.floor = checked_positive('floor', floor)
+        self.margin = None if margin is None else checked_positive('margin', margin)
+        if spread not in SPREADS:
+            raise ValueError(f'unknown spread {spread!r}; valid are ' + ', '.join(SPREADS))
+        self.spread = spread
+        if not 0 <= prior_share < 1:
+            raise ValueError(f'prior_share must be in [0, 1), not {prior_share!r}')
+        self.prior_share = float(prior_share)
+        self.velocities = dict(velocities or {})
+
+    def propose(
+            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+            measurement: FloatArray | None = None,
+            error: GaussianNoise | None = None) -> Proposed:
+        """Draw successors from N(g_k, P_k), and the prior's share from the transition."""
+        forecast = self.forecast(belief, dt)
+        density = None if forecast is None else self._density(model, belief, forecast, dt)
+        if forecast is None or density is None:
+            return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
+        white = rng.standard_normal(belief.states.shape)
+        states = white @ density.factor.T
+        states += forecast
+        if not self.prior_share:
+            log_density = np.einsum('ij,ij->i', white, white)
+            log_density *= -0.5
+            log_density += density.log_normaliser
+            return Proposed(states, log_density)
+        chosen = rng.random(len(states)) < self.prior_share
+        states[chosen] = model.sample_transition(belief.states[chosen], dt, rng, belief.time)
+        prior = model.log_transition(states, belief.states, dt, belief.time)
+        grey = density.log_density(states - forecast)
+        return Proposed(states, np.logaddexp(
+            prior + math.log(self.prior_share), grey + math.log1p(-self.prior_share)))
+
+    def forecast(self, belief: Belief, dt: float) -> FloatArray | None:
+        """
+        Return g_k, shape (n,), or None while there are too few estimates.
+
+        GM(1,1) takes the estimates for evenly spaced; a step that is longer or shorter than
+        their mean spacing (a frame was dropped) is forecast as that many steps.
+        """
+        if len(belief.estimates) < self.window:
+            return None
+        series = np.array(belief.estimates[-self.window:])
+        times = belief.estimate_times[-self.window:]
+        spacing = (times[-1] - times[0]) / (self.window - 1)
+        steps = dt / spacing if spacing > 0 else 1.0
+        if self.margin is None:
+            forecast = gm11_forecast(series, steps)
+        else:
+            forecast = equivariant_forecast(series, steps, self.margin)
+        for velocity, position in self.velocities.items():
+            forecast[velocity] = (forecast[position] - series[-1, position]) / dt
+        return forecast
+
+    def _density(
+            self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,
+            dt: float) -> GaussianNoise | None:
+        """Return N(0, P_k), or None where the numbers have left the range of floats."""
+        if self.spread == 'predicted':
+            belief = replace(belief, states=model.transition(belief.states, dt, belief.time))
+        centre = forecast if self.spread == 'forecast' else belief.mean
+        covariance = belief.spread_about(centre)
+        covariance += self.floor * model.process_noise(dt)
+        try:
+            return GaussianNoise.from_covariance(covariance)
+        except ValueError:
+            return None
