@@ -184,9 +184,10 @@ class BagReader:
         source = self._reader.messages(chosen)
         while True:
             try:
-                connection, received, data = next(source)
+                connection, received, recorded = next(source)
+                data: bytes | memoryview = recorded
                 if self._is_ros1:
-                    data = messages.typestore().ros1_to_cdr(data, connection.msgtype)
+                    data = messages.typestore().ros1_to_cdr(recorded, connection.msgtype)
             except StopIteration:
                 break
             except Exception as error:

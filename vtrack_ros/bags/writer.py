@@ -24,7 +24,7 @@ STORAGES = ('mcap', 'sqlite3')
 #: How images can be stored.
 COMPRESSIONS = ('none', 'png', 'jpeg')
 
-_FOREVER = QosTime(2147483647, 4294967295)
+_FOREVER = QosTime(9223372036, 854775807)
 _RELIABLE = Qos(
     QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, _FOREVER, _FOREVER,
     QosLiveliness.AUTOMATIC, _FOREVER, False)

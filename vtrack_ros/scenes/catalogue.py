@@ -1,0 +1,120 @@
+"""The scenes by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+import zlib
+
+import numpy as np
+
+from vtrack_ros.scenes import faces
+from vtrack_ros.scenes.stage import film, Scene, SceneFrame, View
+
+#: The largest frame that scenes are made for, in pixels.
+LARGEST = (1920, 1080)
+#: The smallest.
+SMALLEST = (64, 48)
+
+
+@dataclass(frozen=True)
+class SceneInfo:
+    """
+    A scene of the catalogue.
+
+    Parameters
+    ----------
+    name : str
+    summary : str
+        One sentence: what happens, and when.
+    width, height : int, [px]
+        The size it has unless another is asked for.
+    frames : int
+        How long its story is.
+    make : callable
+        (view, generator) -> Scene.
+
+    """
+
+    name: str
+    summary: str
+    width: int
+    height: int
+    frames: int
+    make: Callable[[View, np.random.Generator], Scene]
+
+
+_SCENES = (
+    SceneInfo('face_fast', 'A face darts to the right and quickly back, twice.', 128, 96, 50,
+              faces.face_fast),
+)
+_CATALOGUE = {scene.name: scene for scene in _SCENES}
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return the names of all scenes."""
+    return tuple(_CATALOGUE)
+
+
+def scene_info(name: str) -> SceneInfo:
+    """
+    Return what the catalogue says about a scene.
+
+    Raises
+    ------
+    ValueError
+        If there is no scene of that name; the message lists those that there are.
+
+    """
+    if name not in _CATALOGUE:
+        raise ValueError(f'unknown scene {name!r}; valid are ' + ', '.join(_CATALOGUE))
+    return _CATALOGUE[name]
+
+
+def render(name: str, size: tuple[int, int] | None = None, frames: int | None = None,
+           seed: int = 0) -> Iterator[SceneFrame]:
+    """
+    Render a scene.
+
+    Speeds and events are the same at any number of frames: fewer show the beginning of the story,
+    more let it run on, backwards and forwards.
+
+    Parameters
+    ----------
+    name : str
+        One of `scene_names()`.
+    size : tuple of int, [px], optional
+        Width and height; by default the scene's own.
+    frames : int, optional
+        How many; by default the whole story.
+    seed : int
+        Varies textures, clutter, small motions and noise, not the story.
+
+    Raises
+    ------
+    ValueError
+        If the name is unknown, the size isn't from 64 x 48 to 1920 x 1080, there's less than one
+        frame, or the seed is negative.
+
+    """
+    info = scene_info(name)
+    width, height = (info.width, info.height) if size is None else size
+    count = info.frames if frames is None else frames
+    if not (SMALLEST[0] <= width <= LARGEST[0] and SMALLEST[1] <= height <= LARGEST[1]):
+        raise ValueError(
+            f'size must be from {SMALLEST[0]}x{SMALLEST[1]} to {LARGEST[0]}x{LARGEST[1]}, '
+            f'not {width}x{height}')
+    if count < 1:
+        raise ValueError(f'frames must be at least 1, not {count}')
+    if seed < 0:
+        raise ValueError(f'seed must not be negative, but is {seed}')
+    building, sensor = np.random.default_rng([seed, zlib.crc32(name.encode())]).spawn(2)
+    scene = info.make(View(width, height, info.width, info.height), building)
+    return film(scene, story_times(info.frames, count), sensor)
+
+
+def story_times(story: int, frames: int) -> Iterator[float]:
+    """Return the story's time at each frame: forwards, then backwards, then forwards again."""
+    for index in range(frames):
+        rounds, rest = divmod(index, max(1, story - 1))
+        yield float(rest if rounds % 2 == 0 else story - 1 - rest)

@@ -1,0 +1,187 @@
+"""Rounded solids, lit and seen from the front: what heads and bodies are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.scenes.sprite import Sprite
+from vtrack_ros.scenes.texture import Colour, fractal_noise
+
+#: Points on the unit sphere, shape (n, 3), -> colours, shape (n, 3).
+Paint = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+_LIGHT = np.array([-0.42, -0.62, 0.66])
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoid:
+    """
+    An ellipsoid: x points right, y down, z towards the viewer.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (3,)
+    axes : ndarray, shape (3, 3)
+        Maps the unit sphere onto the ellipsoid about its centre.
+    paint : callable
+        The colour of the points of the unit sphere.
+
+    """
+
+    centre: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    paint: Paint
+
+    def turned(self, rotation: NDArray[np.float64]) -> Ellipsoid:
+        """Return it turned about the origin by a matrix of shape (3, 3)."""
+        return replace(self, centre=rotation @ self.centre, axes=rotation @ self.axes)
+
+
+def ball(x: float, y: float, z: float, rx: float, ry: float, rz: float,
+         paint: Paint) -> Ellipsoid:
+    """Return an ellipsoid along the axes, with a centre and three radii."""
+    return Ellipsoid(np.array([x, y, z]), np.diag([rx, ry, rz]), paint)
+
+
+def limb(start: Sequence[float], end: Sequence[float], radius: float, paint: Paint) -> Ellipsoid:
+    """Return an ellipsoid that reaches from one joint to another."""
+    a, b = np.asarray(start, float), np.asarray(end, float)
+    length = float(np.linalg.norm(b - a))
+    along = (b - a) / length
+    side = np.cross(along, [0.0, 0.0, 1.0])
+    if np.linalg.norm(side) < 1e-6:
+        side = np.array([1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    axes = np.column_stack([radius * side, (length / 2 + 0.55 * radius) * along,
+                            radius * np.cross(side, along)])
+    return Ellipsoid((a + b) / 2, axes, paint)
+
+
+def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:
+    """Return the rotation matrix of a yaw to the right, then a pitch up, then a roll; radians."""
+    cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
+    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_x @ about_y, np.float64)
+
+
+def render(solids: Sequence[Ellipsoid], unit: float, ambient: float = 0.5) -> Sprite:
+    """
+    Return the picture of some solids, seen from the front without perspective.
+
+    Parameters
+    ----------
+    solids : sequence of Ellipsoid
+    unit : float, [px]
+        How many pixels a length of 1 has in the sprite.
+    ambient : float
+        How bright the side in shadow is, from 0 to 1.
+
+    """
+    extents = [np.linalg.norm(solid.axes[:2], axis=1) for solid in solids]
+    lows = np.array([solid.centre[:2] - extent for solid, extent in zip(solids, extents)])
+    highs = np.array([solid.centre[:2] + extent for solid, extent in zip(solids, extents)])
+    margin = 2 / unit
+    left, top = lows.min(axis=0) - margin
+    columns, rows = np.ceil((highs.max(axis=0) + margin - (left, top)) * unit).astype(int)
+    # Finer than the sprite, so that outlines become smooth.
+    fine = 3 if columns * rows < 40_000 else 2
+    step = 1 / (unit * fine)
+    colour = np.zeros((rows * fine, columns * fine, 4), np.float32)
+    depth = np.full(colour.shape[:2], -np.inf, np.float32)
+    for solid, low, high in zip(solids, lows, highs):
+        first = np.maximum(((low - (left, top)) / step).astype(int), 0)
+        last = np.ceil((high - (left, top)) / step).astype(int) + 1
+        part = (slice(first[1], last[1]), slice(first[0], last[0]))
+        _cast(solid, colour[part], depth[part], left + (first[0] + 0.5) * step,
+              top + (first[1] + 0.5) * step, step, ambient)
+    size = (int(columns), int(rows))
+    pixels = cv2.resize(colour, size, interpolation=cv2.INTER_AREA)
+    return Sprite(np.asarray(pixels, np.float32), unit, float(left), float(top))
+
+
+def _cast(solid: Ellipsoid, colour: NDArray[np.float32], depth: NDArray[np.float32], left: float,
+          top: float, step: float, ambient: float) -> None:
+    """Cast a ray through every pixel of a part of the picture and keep the nearest hits."""
+    inverse = np.linalg.inv(solid.axes)
+    y, x = np.mgrid[0:depth.shape[0], 0:depth.shape[1]].astype(np.float32) * step
+    start = np.stack([x + (left - solid.centre[0]), y + (top - solid.centre[1]),
+                      np.full_like(x, -solid.centre[2])], axis=-1) @ inverse.T
+    along = inverse[:, 2]
+    a, b = along @ along, start @ along
+    discriminant = b * b - a * ((start * start).sum(axis=-1) - 1)
+    reach = (-b + np.sqrt(np.maximum(discriminant, 0))) / a
+    hit = (discriminant > 0) & (reach > depth)
+    if not hit.any():
+        return
+    local = (start[hit] + reach[hit][:, None] * along).astype(np.float32)
+    normal = local @ inverse
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    lit = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, 1)
+    # Grazing views are darker, as soft light from all round is partly hidden there.
+    rim = 0.72 + 0.28 * np.clip(normal[:, 2], 0, 1)
+    shade = (ambient + (1 - ambient) * 1.25 * lit) * rim
+    colour[hit, :3] = np.clip(solid.paint(local) * shade[:, None], 0, 255)
+    colour[hit, 3] = 1
+    depth[hit] = reach[hit]
+
+
+class Surface:
+    """
+    Noise on the unit sphere.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    cell : float, [rad]
+        The size of its largest structures.
+    stretch : float
+        How much longer they are along the meridians.
+
+    """
+
+    def __init__(self, rng: np.random.Generator, cell: float = 0.7, stretch: float = 1.0) -> None:
+        pixels = 256 / math.pi
+        noise = fractal_noise(256, 512, cell * pixels, rng, 0.7)
+        if stretch > 1:
+            noise = np.asarray(cv2.resize(noise[:int(256 / stretch)], (512, 256)), np.float32)
+        self._noise = noise
+
+    def __call__(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the noise at points of shape (n, 3), shape (n, 1)."""
+        latitude = np.arcsin(np.clip(points[:, 1], -1, 1)) / math.pi + 0.5
+        longitude = np.arctan2(points[:, 0], points[:, 2]) / (2 * math.pi) + 0.5
+        rows = np.clip((latitude * 256).astype(int), 0, 255)
+        columns = np.clip((longitude * 512).astype(int), 0, 511)
+        return np.asarray(self._noise[rows, columns][:, None], np.float32)
+
+
+def plain(colour: Colour, surface: Surface | None = None, contrast: float = 0.1) -> Paint:
+    """Return a paint of one colour, a little uneven."""
+    base = np.array(colour, np.float32)
+
+    def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
+        grain = contrast * surface(points) if surface is not None else np.float32(0)
+        return np.asarray(np.broadcast_to(base * (1 + grain), (len(points), 3)), np.float32)
+
+    return paint
+
+
+def striped(one: Colour, other: Colour, count: float, axis: int, surface: Surface,
+            share: float = 0.5) -> Paint:
+    """Return a paint of stripes across an axis of the unit sphere."""
+    first, second = plain(one, surface), plain(other, surface)
+
+    def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
+        phase = (points[:, axis:axis + 1] * count / 2) % 1
+        return np.asarray(np.where(phase < share, first(points), second(points)), np.float32)
+
+    return paint

@@ -1,0 +1,152 @@
+"""Things with an outline, and where they stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+#: A 2-D affine map, shape (2, 3).
+Affine = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """
+    Where and how a sprite stands in the world.
+
+    Parameters
+    ----------
+    x, y : float
+        Where the sprite's origin is, in world units.
+    scale : float
+    angle : float, [rad]
+        Clockwise, as y points down.
+    aspect : float
+        By how much the width is stretched.
+
+    """
+
+    x: float
+    y: float
+    scale: float = 1.0
+    angle: float = 0.0
+    aspect: float = 1.0
+
+    def matrix(self) -> Affine:
+        """Return the map from the sprite's coordinates to the world's, shape (2, 3)."""
+        cos, sin = self.scale * math.cos(self.angle), self.scale * math.sin(self.angle)
+        return np.array([[self.aspect * cos, -sin, self.x], [self.aspect * sin, cos, self.y]])
+
+
+def compose(outer: Affine, inner: Affine) -> Affine:
+    """Return the affine map that applies `inner`, then `outer`."""
+    linear = outer[:, :2] @ inner[:, :2]
+    offset = outer[:, :2] @ inner[:, 2] + outer[:, 2]
+    return np.column_stack([linear, offset])
+
+
+@dataclass(frozen=True, eq=False)
+class Sprite:
+    """
+    A picture with an outline.
+
+    Parameters
+    ----------
+    pixels : ndarray of float32, shape (H, W, 4)
+        Blue, green and red times alpha, 0 to 255; alpha, 0 to 1.
+    unit : float, [px]
+        How many pixels a length of 1 has.
+    left, top : float
+        The sprite's coordinates of the picture's top-left corner.
+
+    """
+
+    pixels: NDArray[np.float32]
+    unit: float
+    left: float
+    top: float
+
+    @cached_property
+    def outline(self) -> NDArray[np.float64]:
+        """The points where alpha crosses one half along rows and columns, shape (n, 2)."""
+        alpha = np.pad(self.pixels[..., 3].astype(np.float64), 1)
+        points = [_crossings(alpha), _crossings(alpha.T)[:, ::-1]]
+        return np.concatenate(points) / self.unit + (self.left, self.top)
+
+    @cached_property
+    def _levels(self) -> list[NDArray[np.float32]]:
+        levels = [self.pixels]
+        while min(levels[-1].shape[:2]) > 3:
+            height, width = levels[-1].shape[:2]
+            size = ((width + 1) // 2, (height + 1) // 2)
+            levels.append(np.asarray(
+                cv2.resize(levels[-1], size, interpolation=cv2.INTER_AREA), np.float32))
+        return levels
+
+    def bounds(self, matrix: Affine) -> tuple[int, int, int, int]:
+        """Return left, top, right, bottom, in whole pixels, of the picture mapped by `matrix`."""
+        height, width = self.pixels.shape[:2]
+        right, bottom = self.left + width / self.unit, self.top + height / self.unit
+        corners = np.array([[self.left, self.top], [right, self.top], [self.left, bottom],
+                            [right, bottom]])
+        mapped = corners @ matrix[:, :2].T + matrix[:, 2]
+        low, high = np.floor(mapped.min(axis=0)) - 1, np.ceil(mapped.max(axis=0)) + 1
+        return int(low[0]), int(low[1]), int(high[0]), int(high[1])
+
+    def warped(self, matrix: Affine, bounds: tuple[int, int, int, int]) -> NDArray[np.float32]:
+        """
+        Return the picture mapped into a window of the image.
+
+        Parameters
+        ----------
+        matrix : ndarray, shape (2, 3)
+            From the sprite's coordinates to the image's, in pixels.
+        bounds : tuple of int, [px]
+            The window's left, top, right and bottom.
+
+        Returns
+        -------
+        pixels : ndarray of float32, shape (bottom - top, right - left, 4)
+
+        """
+        shrink = math.sqrt(abs(np.linalg.det(matrix[:, :2]))) / self.unit
+        level = 0
+        while shrink < 0.7 and level + 1 < len(self._levels):
+            level, shrink = level + 1, shrink * 2
+        pixels = self._levels[level]
+        ratio_x = self.pixels.shape[1] / pixels.shape[1] / self.unit
+        ratio_y = self.pixels.shape[0] / pixels.shape[0] / self.unit
+        # OpenCV counts from the centre of the first pixel, we from its corner.
+        to_sprite = np.array([[ratio_x, 0, self.left + 0.5 * ratio_x],
+                              [0, ratio_y, self.top + 0.5 * ratio_y]])
+        to_window = np.array([[1, 0, -bounds[0] - 0.5], [0, 1, -bounds[1] - 0.5]])
+        full = compose(to_window, compose(matrix, to_sprite))
+        size = (bounds[2] - bounds[0], bounds[3] - bounds[1])
+        return np.asarray(cv2.warpAffine(pixels, full, size, flags=cv2.INTER_LINEAR), np.float32)
+
+
+def mapped_bounds(outline: NDArray[np.float64], matrix: Affine) -> tuple[float, ...]:
+    """Return the x, y, width and height of an outline that `matrix` maps."""
+    mapped = outline @ matrix[:, :2].T + matrix[:, 2]
+    low, high = mapped.min(axis=0), mapped.max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
+
+
+def _crossings(alpha: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (x, y) of the first and last crossing of one half in each row of a padded alpha."""
+    inside = alpha >= 0.5
+    rows = np.flatnonzero(inside.any(axis=1))
+    first = inside[rows].argmax(axis=1)
+    last = inside.shape[1] - 1 - inside[rows, ::-1].argmax(axis=1)
+    # The value of a pixel stands at its centre; -1 undoes the padding.
+    before, at = alpha[rows, first - 1], alpha[rows, first]
+    x_first = first - 0.5 - (at - 0.5) / (at - before)
+    before, at = alpha[rows, last + 1], alpha[rows, last]
+    x_last = last - 0.5 + (at - 0.5) / (at - before)
+    y = rows - 0.5
+    return np.concatenate([np.column_stack([x_first, y]), np.column_stack([x_last, y])])

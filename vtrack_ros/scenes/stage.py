@@ -1,0 +1,312 @@
+"""A scene put together and filmed: backdrop, actors, camera and light become frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.scenes.canvas import Canvas
+from vtrack_ros.scenes.sprite import Affine, compose, mapped_bounds, Placement, Sprite
+
+#: Below this part of the target in sight it counts as absent.
+VISIBLE = 0.1
+
+
+@dataclass(frozen=True)
+class View:
+    """
+    What of the world a film shows while its camera rests.
+
+    Parameters
+    ----------
+    width, height : int, [px]
+        The frames' size.
+    base_width, base_height : float
+        The part of the world that's always in sight, from (0, 0), in world units; at another
+        aspect ratio more is seen on two sides.
+
+    """
+
+    width: int
+    height: int
+    base_width: float
+    base_height: float
+
+    @property
+    def unit(self) -> float:
+        """How many pixels a length of 1 has."""
+        return min(self.width / self.base_width, self.height / self.base_height)
+
+    @property
+    def left(self) -> float:
+        """The x of the left edge; negative where the frame is wider than the base."""
+        return (self.base_width - self.width / self.unit) / 2
+
+    @property
+    def right(self) -> float:
+        """The x of the right edge."""
+        return self.base_width - self.left
+
+    @property
+    def top(self) -> float:
+        """The y of the upper edge; negative where the frame is higher than the base."""
+        return (self.base_height - self.height / self.unit) / 2
+
+    @property
+    def bottom(self) -> float:
+        """The y of the lower edge."""
+        return self.base_height - self.top
+
+    def canvas(self, margin: float = 0.0) -> Canvas:
+        """Return a canvas for a backdrop that reaches beyond the view by a margin."""
+        return Canvas(self.left - margin, self.top - margin, self.right + margin,
+                      self.bottom + margin, self.unit)
+
+
+@dataclass(frozen=True)
+class Actor:
+    """
+    Something in front of the backdrop: the target, an occluder, a passer-by.
+
+    Parameters
+    ----------
+    placement : callable
+        Time in frames -> Placement.
+    sprite : callable
+        Time in frames -> Sprite: how it looks then.
+    brightness : callable
+        Time in frames -> factor.
+
+    """
+
+    placement: Callable[[float], Placement]
+    sprite: Callable[[float], Sprite]
+    brightness: Callable[[float], float] = field(default=lambda time: 1.0)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """
+    What films the scene.
+
+    Parameters
+    ----------
+    motion : callable
+        Time in frames -> Placement of the view in the world: (x, y) looked at instead of the
+        middle of the base, as an offset; scale above 1 sees more.
+    exposure : float, [frames]
+        How long the shutter is open.
+    noise : float
+        Standard deviation at full brightness, of 255; in the dark it's about a third.
+    softness : float
+        Standard deviation of the lens's blur, in world units.
+
+    """
+
+    motion: Callable[[float], Placement] = field(default=lambda time: Placement(0, 0))
+    exposure: float = 0.5
+    noise: float = 3.0
+    softness: float = 0.35
+
+
+@dataclass(frozen=True)
+class Light:
+    """
+    How bright it is.
+
+    Parameters
+    ----------
+    colour : callable
+        Time in frames -> factors of blue, green and red.
+    field : callable, optional
+        (time, x, y) -> factor at every place of the world, of the shape of x and y.
+
+    """
+
+    colour: Callable[[float], tuple[float, float, float]] = field(
+        default=lambda time: (1.0, 1.0, 1.0))
+    field: Callable[[float, NDArray[np.float64], NDArray[np.float64]],
+                    NDArray[np.float64]] | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """
+    All that's filmed.
+
+    Parameters
+    ----------
+    view : View
+    backdrop : Canvas
+    actors : tuple of Actor
+        From back to front.
+    target : int
+        Which of them is the target.
+    camera : Camera
+    light : Light
+
+    """
+
+    view: View
+    backdrop: Canvas
+    actors: tuple[Actor, ...]
+    target: int
+    camera: Camera = Camera()
+    light: Light = Light()
+
+
+@dataclass(frozen=True)
+class SceneFrame:
+    """
+    A rendered frame and the truth about it.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (H, W, 3)
+    truth : Box or None
+        The bounds of the target's whole outline (alpha of one half) in the middle of the
+        exposure, also of what is hidden or beyond the image; None while less than a tenth of the
+        target is in sight.
+    index : int
+    visibility : float
+        The part of the target's area that is inside the image and not covered.
+
+    """
+
+    frame: NDArray[np.uint8]
+    truth: Box | None
+    index: int
+    visibility: float
+
+
+def film(scene: Scene, times: Iterator[float], rng: np.random.Generator) -> Iterator[SceneFrame]:
+    """Render the scene at some times, in frames; the generator makes the sensor noise."""
+    for index, time in enumerate(times):
+        picture = _exposed(scene, time)
+        frame = _developed(scene, picture, time, rng)
+        box, visibility = _truth(scene, time)
+        truth = box if visibility >= VISIBLE else None
+        yield SceneFrame(frame, truth, index, visibility)
+
+
+def _world_to_image(scene: Scene, time: float) -> Affine:
+    view, look = scene.view, scene.camera.motion(time)
+    unit = view.unit / look.scale
+    cos, sin = unit * math.cos(look.angle), unit * math.sin(look.angle)
+    linear = np.array([[cos, sin], [-sin, cos]])
+    looked_at = np.array([view.base_width / 2 + look.x, view.base_height / 2 + look.y])
+    middle = np.array([view.width / 2, view.height / 2])
+    return np.column_stack([linear, middle - linear @ looked_at])
+
+
+def _exposed(scene: Scene, time: float) -> NDArray[np.float32]:
+    """Let backdrop and actors shine on the sensor while the shutter is open."""
+    half = scene.camera.exposure / 2
+    steps = max(2, _travel(lambda when: _world_to_image(scene, when), time, half))
+    moves = steps > 2
+    moments = np.linspace(time - half, time + half, steps) if moves else np.array([time])
+    picture = np.zeros((scene.view.height, scene.view.width, 3), np.float32)
+    for moment in moments:
+        picture += _backdrop(scene, moment)
+    picture /= len(moments)
+    for actor in scene.actors:
+        _lay(picture, scene, actor, time, half)
+    return picture
+
+
+def _travel(matrix: Callable[[float], Affine], time: float, half: float) -> int:
+    """Return how many moments an exposure needs so that no step is longer than a pixel."""
+    before, after = matrix(time - half), matrix(time + half)
+    probes = np.array([[0.0, 0.0, 1.0], [80.0, 0.0, 1.0], [0.0, 80.0, 1.0]])
+    shift = float(np.abs((after - before) @ probes.T).max())
+    return min(24, 2 + int(1.3 * shift))
+
+
+def _backdrop(scene: Scene, time: float) -> NDArray[np.float32]:
+    canvas = scene.backdrop
+    to_world = np.array([[1 / canvas.unit, 0, canvas.left + 0.5 / canvas.unit],
+                         [0, 1 / canvas.unit, canvas.top + 0.5 / canvas.unit]])
+    to_pixels = np.array([[1.0, 0, -0.5], [0, 1.0, -0.5]])
+    full = compose(to_pixels, compose(_world_to_image(scene, time), to_world))
+    size = (scene.view.width, scene.view.height)
+    return np.asarray(cv2.warpAffine(canvas.picture, full, size, flags=cv2.INTER_LINEAR,
+                                     borderMode=cv2.BORDER_REFLECT), np.float32)
+
+
+def _lay(picture: NDArray[np.float32], scene: Scene, actor: Actor, time: float,
+         half: float) -> None:
+    sprite = actor.sprite(time)
+
+    def matrix(when: float) -> Affine:
+        return compose(_world_to_image(scene, when), actor.placement(when).matrix())
+
+    steps = _travel(matrix, time, half)
+    moments = np.linspace(time - half, time + half, steps) if steps > 2 else np.array([time])
+    matrices = [matrix(moment) for moment in moments]
+    bounds = np.array([sprite.bounds(each) for each in matrices])
+    height, width = picture.shape[:2]
+    left, top = max(0, bounds[:, 0].min()), max(0, bounds[:, 1].min())
+    right, bottom = min(width, bounds[:, 2].max()), min(height, bounds[:, 3].max())
+    if right <= left or bottom <= top:
+        return
+    layer = np.zeros((bottom - top, right - left, 4), np.float32)
+    for each in matrices:
+        layer += sprite.warped(each, (left, top, right, bottom))
+    layer /= len(matrices)
+    part = picture[top:bottom, left:right]
+    part *= 1 - layer[..., 3:]
+    part += layer[..., :3] * np.float32(actor.brightness(time))
+
+
+def _developed(scene: Scene, picture: NDArray[np.float32], time: float,
+               rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Apply light, lens and sensor."""
+    view = scene.view
+    picture *= np.array(scene.light.colour(time), np.float32)
+    if scene.light.field is not None:
+        columns, rows = max(2, view.width // 4), max(2, view.height // 4)
+        x = np.linspace(view.left, view.right, columns)[None, :]
+        y = np.linspace(view.top, view.bottom, rows)[:, None]
+        gain = np.broadcast_to(scene.light.field(time, x, y), (rows, columns))
+        picture *= cv2.resize(gain.astype(np.float32), (view.width, view.height),
+                              interpolation=cv2.INTER_LINEAR)[..., None]
+    sigma = scene.camera.softness * view.unit
+    if sigma > 0.25:
+        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.float32)
+    picture = np.clip(picture, 0, 255)
+    grain = rng.standard_normal(picture.shape, np.float32)
+    # Demosaicing and compression leave neighbouring pixels' noise alike, and little colour in it.
+    grain = 0.75 * grain.mean(axis=2, keepdims=True) * np.float32(math.sqrt(3)) + 0.65 * grain
+    grain = np.asarray(cv2.GaussianBlur(grain, (0, 0), 0.55), np.float32) * np.float32(1.7)
+    spread = scene.camera.noise * np.sqrt(0.1 + 0.9 * picture / 255)
+    return np.asarray(np.clip(np.rint(picture + spread * grain), 0, 255), np.uint8)
+
+
+def _truth(scene: Scene, time: float) -> tuple[Box, float]:
+    camera = _world_to_image(scene, time)
+    target = scene.actors[scene.target]
+    sprite = target.sprite(time)
+    matrix = compose(camera, target.placement(time).matrix())
+    box = Box(*mapped_bounds(sprite.outline, matrix))
+    bounds = sprite.bounds(matrix)
+    alpha = sprite.warped(matrix, bounds)[..., 3]
+    seen = alpha.copy()
+    for actor in scene.actors[scene.target + 1:]:
+        front = actor.sprite(time)
+        place = compose(camera, actor.placement(time).matrix())
+        if _overlap(bounds, front.bounds(place)):
+            seen *= 1 - front.warped(place, bounds)[..., 3]
+    left, top = max(0, -bounds[0]), max(0, -bounds[1])
+    inside = seen[top:max(top, scene.view.height - bounds[1]),
+                  left:max(left, scene.view.width - bounds[0])]
+    return box, float(inside.sum() / alpha.sum())
+
+
+def _overlap(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
