@@ -1,0 +1,59 @@
+"""Soft membership of a colour in the eleven basic colour terms."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Frame
+
+_LEVELS = 32
+_NAMES_BGR = np.array([
+    (0, 0, 0), (230, 80, 20), (20, 60, 110), (128, 128, 128), (40, 150, 40), (0, 140, 255),
+    (180, 105, 255), (150, 30, 130), (40, 40, 220), (255, 255, 255), (0, 230, 240)], np.uint8)
+_SPREAD = 22.0
+#: Lightness varies with the light: it counts for less than hue and chroma.
+_LIGHTNESS_WEIGHT = 0.5
+CHANNELS = len(_NAMES_BGR)
+
+
+def colour_names(pixels: Frame) -> NDArray[np.float32]:
+    """
+    Return each pixel's membership in eleven colours, less its mean over all colours.
+
+    Black, blue, brown, grey, green, orange, pink, purple, red, white and yellow (Berlin and Kay),
+    by a Gaussian kernel on the distance in CIE Lab.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (rows, columns, 3)
+
+    Returns
+    -------
+    ndarray of float32, shape (rows, columns, 11)
+
+    """
+    level = (pixels >> 3).astype(np.int32)
+    index = (level[:, :, 0] * _LEVELS + level[:, :, 1]) * _LEVELS + level[:, :, 2]
+    return _table().take(index, axis=0)
+
+
+@lru_cache(maxsize=1)
+def _table() -> NDArray[np.float32]:
+    """Return the memberships of all 32 x 32 x 32 colours, shape (32768, 11)."""
+    values = ((np.arange(_LEVELS) * 256 + 128) // _LEVELS).astype(np.uint8)
+    colours = np.stack(np.meshgrid(values, values, values, indexing='ij'), -1)
+    difference = _lab(colours.reshape(-1, 3))[:, None] - _lab(_NAMES_BGR)[None]
+    distance2 = difference**2 @ np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0])
+    # the nearest name keeps a membership however far it is
+    nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
+    membership = nearness / nearness.sum(1, keepdims=True)
+    return (membership - membership.mean(0)).astype(np.float32)
+
+
+def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:
+    converted = cv2.cvtColor(bgr.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
+    return converted.reshape(-1, 3).astype(np.float64)

@@ -1,0 +1,247 @@
+"""A target's learned appearance: where it is, how large, and which colours are its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+import scipy.fft
+
+from vtrack_ros.appearance import colour_names, gradients
+from vtrack_ros.appearance.correlation import CorrelationFilter, Spectrum
+from vtrack_ros.appearance.foreground import box_mean, ForegroundModel, Rectangle
+from vtrack_ros.appearance.scale import ScaleFilter
+from vtrack_ros.appearance.window import sample_window
+from vtrack_ros.frame import Frame
+
+_CELL = 4
+#: Cells of the window, all together.
+_CELLS = 24 * 24
+#: Width of the surroundings in the window, as a share of the target's mean side.
+_CONTEXT = 1.5
+#: Standard deviation of the wanted response, as a share of the target's size.
+_LABEL_WIDTH = 1 / 16
+#: Weight of the colour evidence in the sum; the rest is the correlation filter's.
+_COLOUR_WEIGHT = 0.3
+#: An example that is off the middle by more than this many cells is sampled anew.
+_CENTRED = 1.5
+
+_RATE = 0.02
+_COLOUR_RATE = 0.04
+_SCALE_RATE = 0.0125
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """
+    How the window about a target is divided into cells.
+
+    Parameters
+    ----------
+    rows, columns : int
+        Of the window, in cells.
+    reach : tuple of float
+        The window's (width, height) in units of the target's.
+
+    """
+
+    rows: int
+    columns: int
+    reach: Point
+
+    @classmethod
+    def around(cls, width: float, height: float) -> Layout:
+        """Lay out the window for a target of that size, in pixels."""
+        context = _CONTEXT * (width + height) / 2
+        window_x, window_y = width + context, height + context
+        density = np.sqrt(_CELLS / (window_x * window_y))
+        rows, columns = (_even_length(density * side) for side in (window_y, window_x))
+        return cls(rows, columns, (window_x / width, window_y / height))
+
+    @property
+    def target(self) -> Point:
+        """The target's (width, height) in cells."""
+        return self.columns / self.reach[0], self.rows / self.reach[1]
+
+    def cell(self, size: Point) -> Point:
+        """Return a cell's (width, height) in pixels for a target of that size in pixels."""
+        return size[0] * self.reach[0] / self.columns, size[1] * self.reach[1] / self.rows
+
+
+@dataclass(frozen=True)
+class View:
+    """
+    A window of a frame, resampled and described.
+
+    Parameters
+    ----------
+    center, size : tuple of float, [px]
+        The window's centre in the frame, and the size of a target that fills its middle.
+    pixels : ndarray of uint8, shape (4 * rows, 4 * columns[, 3])
+    grey : ndarray of uint8, shape (4 * rows, 4 * columns)
+    small : ndarray of uint8, shape (2 * rows, 2 * columns[, 3])
+    features : ndarray of float32, shape (rows, columns, channels)
+
+    """
+
+    center: Point
+    size: Point
+    pixels: Frame
+    grey: Frame
+    small: Frame
+    features: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class TargetModel:
+    """
+    A correlation filter, a foreground colour model and a scale filter of one target.
+
+    It's never changed in place: a snapshot of it is the object itself.
+
+    Parameters
+    ----------
+    layout : Layout
+    correlation : CorrelationFilter
+    foreground : ForegroundModel
+    scale : ScaleFilter
+
+    """
+
+    layout: Layout
+    correlation: CorrelationFilter
+    foreground: ForegroundModel
+    scale: ScaleFilter
+
+    @classmethod
+    def create(cls, size: Point, colour: bool) -> TargetModel:
+        """Make an empty model for a target of that size, in pixels."""
+        layout = Layout.around(*size)
+        width = _LABEL_WIDTH * float(np.sqrt(layout.target[0] * layout.target[1]))
+        return cls(layout, CorrelationFilter.create(layout.rows, layout.columns, width),
+                   ForegroundModel.create(colour), ScaleFilter.create(*size))
+
+    def view(self, frame: Frame, center: Point, size: Point) -> View:
+        """Describe the window about a target of that centre and size, in pixels."""
+        layout = self.layout
+        pixels = sample_window(
+            frame, center, (size[0] * layout.reach[0], size[1] * layout.reach[1]),
+            (layout.rows * _CELL, layout.columns * _CELL))
+        colour = pixels.ndim == 3
+        grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if colour else pixels
+        small = cv2.resize(pixels, (layout.columns * 2, layout.rows * 2),
+                           interpolation=cv2.INTER_AREA)
+        tiny = cv2.resize(small, (layout.columns, layout.rows), interpolation=cv2.INTER_AREA)
+        channels = gradients.CHANNELS + 1 + colour * colour_names.CHANNELS
+        features = np.empty((layout.rows, layout.columns, channels), np.float32)
+        features[:, :, :gradients.CHANNELS] = gradients.oriented_gradients(grey, _CELL)
+        lightness = cv2.cvtColor(tiny, cv2.COLOR_BGR2GRAY) if colour else tiny
+        features[:, :, gradients.CHANNELS] = lightness * np.float32(1 / 255) - np.float32(0.5)
+        if colour:
+            features[:, :, gradients.CHANNELS + 1:] = colour_names.colour_names(tiny)
+        return View(center, size, pixels, grey, small, features)
+
+    def transform(self, view: View) -> Spectrum:
+        """Return the spectrum of a view's features."""
+        return self.correlation.transform(view.features)
+
+    def evidence(self, view: View, spectrum: Spectrum) -> NDArray[np.float32]:
+        """
+        Return how much speaks for the target's centre in each cell of a view.
+
+        Returns
+        -------
+        ndarray of float32, shape (rows, columns)
+            The weighted sum of the correlation response and of the mean foreground probability
+            over the target's box; the view's centre is at [rows // 2, columns // 2].
+
+        """
+        width, height = self.layout.target
+        probability = self.foreground.probability(view.small)
+        colour = box_mean(probability, (max(1, round(2 * width)), max(1, round(2 * height))))
+        response = self.correlation.response(spectrum)
+        response *= np.float32(1 - _COLOUR_WEIGHT)
+        response += np.float32(_COLOUR_WEIGHT) * colour[::2, ::2]
+        return response
+
+    def growth(self, view: View, shift: Point) -> tuple[float, float, NDArray[np.complex64]]:
+        """
+        Return by which factor the target grew, the same in scale steps, and the spectrum.
+
+        Parameters
+        ----------
+        view : View
+        shift : tuple of float, [cells]
+            The target's place from the view's centre.
+
+        """
+        spectrum = self.scale.transform(view.grey, *self._in_pixels(view, shift))
+        factor, steps = self.scale.peak(self.scale.response(spectrum))
+        return factor, steps, spectrum
+
+    def learned(self, view: View, spectrum: Spectrum, shift: Point = (0.0, 0.0),
+                gain: float = 1.0) -> TargetModel:
+        """
+        Return the model after learning place and colour from a view.
+
+        Parameters
+        ----------
+        view : View
+        spectrum : ndarray of complex64
+            The view's.
+        shift : tuple of float, [cells]
+            The target's place from the view's centre.
+        gain : float
+            Multiplies the learning rates.
+
+        """
+        first = not self.correlation.denominator.any()
+        rate, colour_rate = (1.0, 1.0) if first else (gain * _RATE, gain * _COLOUR_RATE)
+        return replace(
+            self, correlation=self.correlation.learned(spectrum, rate, shift),
+            foreground=self.foreground.learned(view.small, self._rectangle(shift), colour_rate))
+
+    def learned_scale(self, view: View, spectrum: NDArray[np.complex64] | None = None,
+                      shift: Point = (0.0, 0.0), steps: float = 0.0) -> TargetModel:
+        """Return the model after learning the scale; `spectrum` and `steps` as of `growth`."""
+        first = not self.scale.denominator.any()
+        if spectrum is None:
+            spectrum = self.scale.transform(view.grey, *self._in_pixels(view, shift))
+        return replace(self, scale=self.scale.learned(
+            spectrum, 1.0 if first else _SCALE_RATE, steps))
+
+    def is_centred(self, shift: Point) -> bool:
+        """Tell whether a view that is off by `shift` cells can be learned from as it is."""
+        return max(abs(shift[0]), abs(shift[1])) <= _CENTRED
+
+    def middle(self, features: NDArray[np.float32],
+               shift: Point = (0.0, 0.0)) -> NDArray[np.float32]:
+        """Return the features of the target's cells: shape (height, width, channels)."""
+        rows, columns = self.layout.rows, self.layout.columns
+        width, height = (max(3, round(side)) for side in self.layout.target)
+        top = min(max((rows - height) // 2 + round(shift[1]), 0), rows - height)
+        left = min(max((columns - width) // 2 + round(shift[0]), 0), columns - width)
+        return features[top:top + height, left:left + width]
+
+    def _in_pixels(self, view: View, shift: Point) -> tuple[Point, Point]:
+        """Return the target's centre and size in the view's own pixels."""
+        rows, columns = view.grey.shape
+        center = (columns / 2 + _CELL * shift[0], rows / 2 + _CELL * shift[1])
+        width, height = self.layout.target
+        return center, (_CELL * width, _CELL * height)
+
+    def _rectangle(self, shift: Point) -> Rectangle:
+        """Return the target's (top, bottom, left, right) in a view's small pixels."""
+        width, height = self.layout.target
+        x, y = self.layout.columns + 2 * shift[0], self.layout.rows + 2 * shift[1]
+        return round(y - height), round(y + height), round(x - width), round(x + width)
+
+
+def _even_length(cells: float) -> int:
+    """Return a near even number of cells that the Fourier transform is quick with."""
+    length = int(scipy.fft.next_fast_len(max(8, round(cells)), real=True))
+    return length + length % 2
