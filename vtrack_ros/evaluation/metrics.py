@@ -300,6 +300,13 @@ def inside_ellipse(
     return result
 
 
+def stretches(mask: BoolArray) -> list[tuple[int, int]]:
+    """Return begin and end (the first one after it) of each run of true values."""
+    edges = np.diff(np.concatenate([[0], np.asarray(mask).astype(np.int8), [0]]))
+    return [(int(begin), int(end)) for begin, end in zip(
+        np.flatnonzero(edges == 1), np.flatnonzero(edges == -1))]
+
+
 def _pair(boxes: ArrayLike, truth: ArrayLike) -> tuple[FloatArray, FloatArray]:
     a, b = checked_boxes(boxes), checked_boxes(truth, 'truth')
     if a.shape != b.shape:

@@ -96,8 +96,9 @@ class CamShift(OpenCVTracker):
     """
     Continuously adaptive mean shift on a hue histogram [Bradski1998], as `cv2.CamShift` runs it.
 
-    Dark and colourless pixels, whose hue is noise, are left out. It is lost where no pixel of the
-    window has the target's hue.
+    Dark and colourless pixels, whose hue is noise, are left out: the settings are those of the
+    demonstration that comes with OpenCV. It is lost where no pixel of the window has the target's
+    hue.
     """
 
     NAME = 'opencv_camshift'
@@ -126,7 +127,8 @@ class CamShift(OpenCVTracker):
         hsv, mask = self._hue(frame)
         likely = cv2.calcBackProject([hsv], [0], self._histogram, [0, 180], 1) & mask
         _, window = cv2.CamShift(likely, self._window, self._STOP)
-        found = window[2] > 0 and window[3] > 0
+        left, top, wide, high = window
+        found = bool(likely[top:top + high, left:left + wide].any())
         if found:
             self._window = window
             self._box = Box(*window)

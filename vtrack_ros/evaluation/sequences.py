@@ -71,6 +71,11 @@ class Sequence(ABC):
 
         """
 
+    def pick(self, indices: Iterable[int]) -> dict[int, Frame]:
+        """Return some frames by index; errors as `frames`."""
+        wanted = set(indices)
+        return {index: frame for index, frame in enumerate(self.frames()) if index in wanted}
+
     @abstractmethod
     def fingerprint(self) -> str:
         """Return a hash of all that the frames and the truth are made from."""
@@ -98,6 +103,10 @@ class FolderSequence(Sequence):
     def frames(self) -> Iterable[Frame]:
         """Decode the frames one by one, in BGR; errors as the base class."""
         return (_read_image(path) for path in self.images)
+
+    def pick(self, indices: Iterable[int]) -> dict[int, Frame]:
+        """Decode only the frames that are wanted; errors as the base class."""
+        return {index: _read_image(self.images[index]) for index in indices}
 
     def fingerprint(self) -> str:
         """Return a hash of the truth and of every image file's content."""

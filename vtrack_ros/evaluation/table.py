@@ -10,7 +10,7 @@ from vtrack_ros.evaluation.scoring import FIGURES
 
 _SUMMARY = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
             'losses_reported', 'report_frames', 'false_alarms', 'coverage50', 'coverage90',
-            'ms_median', 'ms_p99', 'cei')
+            'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
 _TITLES = {figure.key: figure.title for figure in FIGURES} | {'cei': 'CEI'}
 _FRACTIONS = frozenset({
     'auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported', 'false_alarms',
