@@ -100,12 +100,14 @@ class Scene:
         self.width, self.height, self.size = width, height, size
         self._ground = rng.integers(60, 110, (height, width, 3), np.uint8)
         colours = np.array([[20, 30, 220], [230, 220, 30]], np.uint8)
-        self._patch = colours[rng.integers(0, 2, (size, size))]
+        coarse = rng.integers(0, 2, (size // 6, size // 6))
+        self._patch = colours[np.kron(coarse, np.ones((6, 6), int))]
 
     def box(self, index: int) -> Box:
         """Return the target's box in a frame."""
-        x = 20 + 2 * index % max(2, self.width - self.size - 40)
-        return Box(x, self.height / 4 + index % 7, self.size, self.size)
+        span = self.width - self.size - 40
+        x = 20 + span - abs(2 * index % (2 * span) - span)
+        return Box(x, self.height // 4 + abs(index % 12 - 6), self.size, self.size)
 
     def frame(self, index: int, visible: bool = True) -> np.ndarray:
         """Return a frame, BGR."""

@@ -55,6 +55,7 @@ class Pipeline:
         self._paused = False
         self._word = 'waiting'
         self._units = ''
+        self._refused = ('', 0.0)
         self._begin_stream()
         vision = optional(
             'vision_msgs', 'there are no boxes, and targets come by ~/init_roi or init_box', node)
@@ -126,7 +127,10 @@ class Pipeline:
 
     def refuse(self, source: str, error: Exception) -> None:
         """Say that a selection was wrong; the tracking goes on as it was."""
-        self._log.error(f'{source} refused: {error}', throttle_duration_sec=QUIET)
+        text, now = f'{source} refused: {error}', time.monotonic()
+        if text != self._refused[0] or now > self._refused[1] + QUIET:
+            self._refused = text, now
+            self._log.error(text)
 
     def detected(self, message: Any) -> None:
         """Take the best detection of the wanted class while there is no target, or it's lost."""

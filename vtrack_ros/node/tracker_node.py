@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from rclpy.node import Node
-
 from vtrack_ros.node.pipeline import Pipeline
-from vtrack_ros.ros.parameters import ParameterServer
+from vtrack_ros.ros.parameters import ParameterServer, TellingNode
 
 
-class TrackerNode(Node):
+class TrackerNode(TellingNode):
     """
     Follows a target in the images that it receives; docs/node.md describes its face.
 

@@ -173,6 +173,30 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
     return result
 
 
+class TellingNode(Node):
+    """A node that names an unknown parameter, and those that are known, when it refuses it."""
+
+    def set_parameters_atomically(
+            self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set all of the parameters, or none."""
+        unknown = [row.name for row in parameter_list if not self.has_parameter(row.name)]
+        if unknown:
+            reason = ', '.join(map(repr, unknown))
+            return SetParametersResult(
+                successful=False,
+                reason=f'unknown parameter {reason}; valid are {_neighbours(unknown[0])}')
+        return super().set_parameters_atomically(parameter_list)
+
+
+def _neighbours(name: str) -> str:
+    """Return the valid names beside a wrong one: a tracker's own, or the node's."""
+    prefix = name.split('.', 1)[0] + '.'
+    table = parameter_table()
+    own = [full for full in table if full.startswith(prefix)]
+    return ', '.join(own or [*NODE_PARAMETERS, INIT_BOX, *(
+        f'{tracker}.*' for tracker in tracker_names())])
+
+
 class ParameterServer:
     """
     Declares the parameters of a node, and refuses wrong changes before any is made.

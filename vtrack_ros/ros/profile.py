@@ -23,7 +23,7 @@ def profile_path() -> Path:
     try:
         from ament_index_python.packages import get_package_share_directory
         places.append(Path(get_package_share_directory('vtrack_ros')))
-    except (ImportError, LookupError):
+    except (ImportError, LookupError, OSError):
         pass
     for place in places:
         path = place / 'config' / 'fastdds.xml'

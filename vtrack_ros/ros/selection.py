@@ -75,8 +75,11 @@ def from_detection(message: Any, source: str) -> Selection:
     bounds = message.bbox
     center, theta = bounds.center.position, float(bounds.center.theta)
     width, height = float(bounds.size_x), float(bounds.size_y)
-    if not math.isfinite(theta):
-        raise ValueError(f'box theta must be finite, not {theta}')
+    given = {'center x': float(center.x), 'center y': float(center.y), 'theta': theta,
+             'size_x': width, 'size_y': height}
+    for name, value in given.items():
+        if not math.isfinite(value):
+            raise ValueError(f'box {name} must be finite, not {value}')
     if theta and width > 0 and height > 0:
         cosine, sine = abs(math.cos(theta)), abs(math.sin(theta))
         width, height = width * cosine + height * sine, width * sine + height * cosine

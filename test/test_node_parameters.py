@@ -1,0 +1,179 @@
+"""Parameters over real services: declared from the table, refused whole, in force at once."""
+
+import math
+
+from node_harness import Client, NodeProcess, overlap, Scene
+import pytest
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
+
+from vtrack_ros.ros.parameters import parameter_table
+from vtrack_ros.trackers import tracker_class, tracker_names
+
+TYPES = {bool: ParameterType.PARAMETER_BOOL, int: ParameterType.PARAMETER_INTEGER,
+         float: ParameterType.PARAMETER_DOUBLE, str: ParameterType.PARAMETER_STRING}
+
+
+@pytest.fixture(scope='module')
+def talk():
+    """Return a scene and a client of a node that starts on the scene's first box."""
+    scene = Scene()
+    box = scene.box(0)
+    text = f'[{box.x}, {box.y}, {box.width}, {box.height}]'
+    with NodeProcess(init_box=text) as process, Client() as client:
+        client.ready()
+        for index, answer in enumerate(client.play(scene, range(5))):
+            assert overlap(answer, scene.box(index)) > 0.5, process.log
+        client.index = 5
+        yield scene, client
+
+
+def tracks_on(talk, frames=3):
+    """Say whether the node follows the target through the next frames."""
+    scene, client = talk
+    start, client.index = client.index, client.index + frames
+    answers = client.play(scene, range(start, start + frames))
+    return all(overlap(answer, scene.box(start + i)) > 0.4 for i, answer in enumerate(answers))
+
+
+def test_declared_from_the_table(talk):
+    """Every row of the table is a parameter with its default, range and description."""
+    _, client = talk
+    table = parameter_table()
+    for tracker in tracker_names():
+        for name in tracker_class(tracker).PARAMETERS:
+            assert f'{tracker}.{name}' in table
+    listed = client.ask('~/list_parameters', ListParameters).result.names
+    assert set(table) | {'init_box'} <= set(listed)
+    names = list(table)
+    described = client.ask('~/describe_parameters', DescribeParameters, names=names).descriptors
+    values = client.get(*names)
+    for row, told, value in zip(table.values(), described, values):
+        assert value == row.default and type(value) is row.type
+        assert told.type == TYPES[row.type]
+        assert row.description in told.description
+        assert told.read_only == (not row.dynamic)
+        ranges = [*told.integer_range, *told.floating_point_range]
+        if row.low is not None and row.high is not None:
+            assert (ranges[0].from_value, ranges[0].to_value) == (row.low, row.high)
+        else:
+            assert ranges == [] or row.low is not None or row.high is not None
+        for choice in row.choices:
+            assert choice in told.description
+
+
+@pytest.mark.parametrize('name, value, told', [
+    ('gmpf.particles', 0, ['gmpf.particles', '2', '5000', '0']),
+    ('gmpf.particles', 10**9, ['gmpf.particles', '5000']),
+    ('gmpf.particles', 'many', ['INTEGER', 'STRING']),
+    ('gmpf.particles', 20.5, ['INTEGER', 'DOUBLE']),
+    ('gmpf.sigma', -1.0, ['gmpf.sigma', '0.01', '1.0', '-1.0']),
+    ('gmpf.sigma', math.nan, ['gmpf.sigma', 'nan']),
+    ('gmpf.sigma', math.inf, ['gmpf.sigma', 'inf']),
+    ('tracker', 'csrt', ['tracker', 'gmpf', 'pf', 'csrt']),
+    ('tracker', 3, ['STRING', 'INTEGER']),
+    ('seed', -1, ['seed', '0', '-1']),
+    ('init_box', [1.0, 2.0, 3.0], ['init_box', '3 values', 'width']),
+    ('init_box', [1.0, 2.0, -3.0, 4.0], ['init_box', 'positive', '-3']),
+    ('init_box', [1.0, math.nan, 3.0, 4.0], ['init_box', 'finite']),
+    ('init_box', 'here', ['init_box', 'here', 'width']),
+    ('init_box', ['1', '2', '3', '4'], ['init_box', 'width']),
+    ('image_transport', 'compressed', ['read-only', 'image_transport']),
+    ('target_width', -0.1, ['target_width', '0.0', '-0.1']),
+    ('pose_units', 'feet', ['pose_units', 'metres', 'feet']),
+    ('gmpf.nonsense', 1, ['gmpf.nonsense', 'gmpf.particles']),
+    ('nonsense', 1, ['nonsense', 'tracker', 'init_box', 'gmpf']),
+])
+def test_refused_with_reason_and_range(talk, name, value, told):
+    """A wrong value is refused, says what's valid, changes nothing, and the tracking goes on."""
+    _, client = talk
+    known = name in parameter_table() or name == 'init_box'
+    before = client.get(name) if known else None
+    result, = client.set(**{name.replace('.', '__'): value})
+    assert not result.successful
+    for part in told:
+        assert part in result.reason
+    if known:
+        assert client.get(name) == before
+    assert tracks_on(talk, 1)
+
+
+def test_refused_atomically(talk):
+    """Of several changes at once none is made when one is wrong."""
+    _, client = talk
+    before = client.get('gmpf.particles', 'tracker', 'seed')
+    result = client.set_atomically(seed=7, gmpf__particles=77, tracker='nobody')
+    assert not result.successful and 'nobody' in result.reason
+    assert client.get('gmpf.particles', 'tracker', 'seed') == before
+    assert tracks_on(talk, 1)
+
+
+def test_a_request_that_cannot_be_read_ends_nothing(talk):
+    """A value of a type that doesn't exist is no reason to die."""
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    _, client = talk
+    caller = client.node.create_client(SetParameters, '/tracker/set_parameters')
+    assert caller.wait_for_service(10)
+    caller.call_async(SetParameters.Request(parameters=[
+        Parameter(name='seed', value=ParameterValue(type=99))]))
+    assert tracks_on(talk, 2)
+    client.node.destroy_client(caller)
+
+
+def test_in_force_on_the_next_frame(talk):
+    """The first frame after the answer is tracked with the new number of particles."""
+    from geometry_msgs.msg import PoseArray
+    _, client = talk
+    particles = client.heard.get('~/particles') or client.hear('~/particles', PoseArray)
+    client.until(lambda: client.node.count_publishers('/tracker/particles'), 'no particles')
+    client.until(lambda: tracks_on(talk, 1) and particles, 'no particles were heard')
+    for count in (40, 300, 150):
+        assert client.set(gmpf__particles=count)[0].successful
+        heard = len(particles)
+        assert tracks_on(talk, 1)
+        client.until(lambda: len(particles) > heard, 'no particles were heard')
+        assert len(particles[-1].poses) == count
+        assert client.get('gmpf.particles') == [count]
+
+
+def test_another_tracker_keeps_the_target(talk):
+    """Every tracker takes over where the one before was."""
+    scene, client = talk
+    for tracker in (*tracker_names(), 'gmpf'):
+        assert client.set(tracker=tracker)[0].successful
+        start, client.index = client.index, client.index + 2
+        answers = client.play(scene, range(start, start + 2))
+        assert all(answer.detections for answer in answers), tracker
+        assert overlap(answers[0], scene.box(start)) > 0.25, tracker
+        client.until(lambda: client.heard['~/state'][-1].hardware_id == tracker, tracker)
+        # Back on firm ground for the next one.
+        box = scene.box(start + 1)
+        assert client.set(init_box=[box.x, box.y, box.width, box.height])[0].successful
+        assert tracks_on(talk, 1)
+
+
+def test_init_box_takes_integers_floats_and_nothing(talk):
+    """However YAML spells the four numbers, they are a box; none means no new start."""
+    scene, client = talk
+    box = scene.box(client.index)
+    numbers = [box.x, box.y, box.width, box.height]
+    assert client.set(init_box=[int(number) for number in numbers])[0].successful
+    assert tracks_on(talk, 1)
+    assert client.set(init_box=[])[0].successful
+    assert tracks_on(talk, 2)
+
+
+@pytest.mark.parametrize('name, value, told', [
+    ('gmpf.particles', '0', ['gmpf.particles', '5000']),
+    ('tracker', 'csrt', ['csrt', 'gmpf']),
+    ('init_box', '[1.0, 2.0]', ['2 values', 'width']),
+    ('gmpf.sigma', 'wide', ['gmpf.sigma', 'DOUBLE']),
+])
+def test_wrong_from_the_start(name, value, told):
+    """A node that is started with a wrong value says so in a line, and ends with code 2."""
+    process = NodeProcess(**{name: value})
+    assert process.process.wait(20) == 2
+    process.stop()
+    for part in told:
+        assert part in process.log
+    assert 'Traceback' not in process.log

@@ -1,0 +1,247 @@
+"""Pointing out the target: by detection, by region, by parameter, by a detector."""
+
+from node_harness import Client, NodeProcess, overlap, Scene, STEP
+import pytest
+from sensor_msgs.msg import RegionOfInterest
+from std_srvs.srv import SetBool, Trigger
+from vision_msgs.msg import Detection2D, Detection2DArray, ObjectHypothesisWithPose
+
+START = 10 * 10**9
+
+
+def detection(box, stamp=0, class_id='', score=0.0, theta=0.0, target_id=''):
+    """Return a box as a Detection2D."""
+    message = Detection2D(id=target_id)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    message.bbox.center.position.x, message.bbox.center.position.y = box.center
+    message.bbox.center.theta = theta
+    message.bbox.size_x, message.bbox.size_y = box.width, box.height
+    if class_id:
+        result = ObjectHypothesisWithPose()
+        result.hypothesis.class_id, result.hypothesis.score = class_id, score
+        message.results = [result]
+    return message
+
+
+@pytest.fixture(scope='module')
+def process():
+    """Return a node's process, without a target."""
+    with NodeProcess() as process:
+        yield process
+
+
+@pytest.fixture(scope='module')
+def client(process):
+    """Return a client whose node has seen nothing yet."""
+    with Client() as client:
+        client.ready()
+        client.init = client.publisher('~/init', Detection2D)
+        client.roi = client.publisher('~/init_roi', RegionOfInterest)
+        client.index = 0
+        yield client
+
+
+@pytest.fixture(autouse=True)
+def _without_target(client):
+    assert client.ask('~/reset', Trigger).success
+
+
+SCENE = Scene()
+
+
+def play(client, count=1, visible=True):
+    """Send the next frames; return the answers with the true boxes."""
+    rows = []
+    for _ in range(count):
+        index, client.index = client.index, client.index + 1
+        answer = client.send(SCENE.frame(index, visible), START + STEP * index)
+        rows.append((answer, SCENE.box(index)))
+    return rows
+
+
+def stamp(client, back=0):
+    """Return the stamp of the newest frame, or of one before."""
+    return START + STEP * (client.index - 1 - back)
+
+
+def taken(client, process, since):
+    """Wait until the node has heard of a selection; it says so with the next frame."""
+    process.wait_for_log('started', since)
+
+
+def select(client, process, publisher, message, words='started'):
+    """Publish a selection, send frames until the node has said `words`; return the answers."""
+    since = len(process.log)
+    publisher.publish(message)
+    rows = []
+    while words not in process.log[since:]:
+        rows += play(client)
+        assert len(rows) < 100, process.log[since:]
+    return rows + play(client, 3)
+
+
+def test_nothing_without_a_target(client):
+    """Every image is answered, with no box, no pose."""
+    poses = len(client.heard['pose'])
+    assert all(not answer.detections for answer, _ in play(client, 3))
+    client.until(lambda: client.heard['~/state'][-1].message == 'waiting', 'not waiting')
+    assert len(client.heard['pose']) == poses
+
+
+def test_init_on_the_newest_frame(client, process):
+    """A detection without a stamp means what is seen now."""
+    play(client)
+    rows = select(client, process, client.init,
+                  detection(SCENE.box(client.index), class_id='ball', score=1.0,
+                            target_id='seven'))
+    assert overlap(*rows[-1]) > 0.4
+    box, = rows[-1][0].detections
+    assert box.results[0].hypothesis.class_id == 'ball'
+    assert 0 <= box.results[0].hypothesis.score <= 1
+    assert box.id == 'seven'
+
+
+def test_late_init_starts_on_the_pixels_it_was_drawn_on(client, process):
+    """A stamp picks its frame from the buffer, though the target has moved on since."""
+    play(client, 12)
+    drawn = client.index - 1 - 10
+    assert SCENE.box(drawn).iou(SCENE.box(client.index)) < 0.2
+    rows = select(client, process, client.init,
+                  detection(SCENE.box(drawn), START + STEP * drawn))
+    assert overlap(*rows[-1]) > 0.4
+
+
+def test_too_late_init_is_refused(client, process):
+    """A frame that is no longer kept is named, with those that are; the target stays."""
+    play(client)
+    select(client, process, client.init, detection(SCENE.box(client.index)))
+    play(client, 70)
+    said = select(client, process, client.init, detection(SCENE.box(0), START), 'too old')
+    assert said[-1][0].detections
+
+
+@pytest.mark.parametrize('box, told', [
+    ((-80.0, 10.0, 20.0, 20.0), 'no pixel inside'),
+    ((10.0, 10.0, 0.0, 20.0), 'positive'),
+    ((10.0, 10.0, -5.0, 20.0), 'positive'),
+    ((float('nan'), 10.0, 20.0, 20.0), 'finite'),
+    ((10.0, 10.0, float('inf'), 20.0), 'finite'),
+])
+def test_wrong_init_is_refused(client, process, box, told):
+    """A box that can't be is refused with the reason, and no target appears."""
+    x, y, width, height = box
+    message = Detection2D()
+    message.bbox.center.position.x, message.bbox.center.position.y = x + width / 2, y + height / 2
+    message.bbox.size_x, message.bbox.size_y = width, height
+    process.quiet = True
+    rows = select(client, process, client.init, message, told)
+    assert not rows[-1][0].detections
+    client.until(lambda: True, '')
+
+
+def test_init_ahead_of_its_image_waits(client, process):
+    """A selection that overtakes its image begins when the image is there."""
+    play(client)
+    ahead = client.index + 2
+    since = len(process.log)
+    client.init.publish(detection(SCENE.box(ahead), START + STEP * ahead))
+    rows = play(client, 6)
+    taken(client, process, since)
+    assert not rows[0][0].detections and not rows[1][0].detections
+    assert overlap(*rows[2]) > 0.9
+    assert overlap(*rows[5]) > 0.4
+
+
+def test_init_of_the_far_future_is_refused(client, process):
+    """A stamp of another clock isn't waited for."""
+    play(client)
+    select(client, process, client.init,
+           detection(SCENE.box(client.index), START + 10**12), 'in the future')
+
+
+def test_roi(client, process):
+    """A region starts on the newest frame."""
+    play(client)
+    box = SCENE.box(client.index)
+    rows = select(client, process, client.roi, RegionOfInterest(
+        x_offset=int(box.x), y_offset=int(box.y), width=int(box.width), height=int(box.height)))
+    assert overlap(*rows[-1]) > 0.4
+
+
+def test_roi_is_clamped(client, process):
+    """Of a region that reaches beyond the image, the part inside counts."""
+    play(client)
+    rows = select(client, process, client.roi, RegionOfInterest(
+        x_offset=SCENE.width - 20, y_offset=SCENE.height - 15, width=4000, height=3000))
+    first = next(answer for answer, _ in rows if answer.detections).detections[0].bbox
+    assert (first.size_x, first.size_y) == (20.0, 15.0)
+    assert (first.center.position.x, first.center.position.y) == (
+        SCENE.width - 10, SCENE.height - 7.5)
+
+
+@pytest.mark.parametrize('region, told', [
+    (dict(x_offset=5000, y_offset=0, width=10, height=10), 'no pixel inside'),
+    (dict(x_offset=5, y_offset=5, width=0, height=0), 'positive'),
+])
+def test_wrong_roi_is_refused(client, process, region, told):
+    """A region outside the image, or of no size, is refused."""
+    rows = select(client, process, client.roi, RegionOfInterest(**region), told)
+    assert not rows[-1][0].detections
+
+
+def test_rotated_init_stands_for_its_bound(client, process):
+    """A quarter turn swaps width and height."""
+    play(client)
+    box = SCENE.box(client.index)
+    from vtrack_ros.geometry import Box
+    wide = Box.from_center(*box.center, 30, 10)
+    rows = select(client, process, client.init, detection(wide, theta=1.5707963267948966))
+    first = next(answer for answer, _ in rows if answer.detections).detections[0].bbox
+    assert (first.size_x, first.size_y) == pytest.approx((10, 30), abs=1e-9)
+
+
+def test_reset_enable_reinit(client, process):
+    """The services forget, pause, and start again on the last good box."""
+    assert not client.ask('~/reinit', Trigger).success
+    play(client)
+    select(client, process, client.init, detection(SCENE.box(client.index)))
+    assert client.ask('~/reinit', Trigger).success
+    assert overlap(*play(client, 2)[-1]) > 0.4
+    assert client.ask('~/enable', SetBool, data=False).success
+    heard = len(client.heard['detections'])
+    client.send(SCENE.frame(client.index), START + STEP * client.index, answered=False)
+    client.until(lambda: client.heard['~/state'][-1].message == 'paused', 'not paused')
+    assert client.ask('~/enable', SetBool, data=True).success
+    assert len(client.heard['detections']) == heard
+    assert overlap(*play(client, 2)[-1]) > 0.4
+    assert client.ask('~/reset', Trigger).success
+    assert not play(client)[0][0].detections
+
+
+def test_detector_starts_it(client, process):
+    """The best detection of the wanted class is taken, while there's no target."""
+    results = client.set(init_from_detections=True, init_class='ball', init_score=0.6)
+    assert all(result.successful for result in results)
+    detector = client.publisher('~/init_detections', Detection2DArray)
+    play(client)
+    from vtrack_ros.geometry import Box
+    box, elsewhere = SCENE.box(client.index), Box(100, 90, 20, 20)
+    message = Detection2DArray(detections=[
+        detection(elsewhere, class_id='person', score=0.99),
+        detection(elsewhere, class_id='ball', score=0.61),
+        detection(elsewhere, class_id='ball', score=float('nan')),
+        detection(box, class_id='ball', score=0.9)])
+    rows = select(client, process, detector, message)
+    assert overlap(*rows[-1]) > 0.4
+    assert rows[-1][0].detections[0].results[0].hypothesis.class_id == 'ball'
+    # Once there is a target, the detector has no say.
+    detector.publish(Detection2DArray(
+        detections=[detection(elsewhere, class_id='ball', score=1.0)]))
+    assert overlap(*play(client, 5)[-1]) > 0.4
+    # Too weak, or of another class: nothing.
+    assert client.ask('~/reset', Trigger).success
+    detector.publish(Detection2DArray(detections=[
+        detection(box, class_id='ball', score=0.3), detection(box, class_id='cat', score=1.0)]))
+    assert not any(answer.detections for answer, _ in play(client, 5))
+    client.set(init_from_detections=False)
+    client.until(lambda: detector.get_subscription_count() == 0, 'still listening')

@@ -1,0 +1,37 @@
+"""Ending the node."""
+
+import signal
+
+from node_harness import Client, NodeProcess, Scene, STEP
+import pytest
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_it_cleanly(number):
+    """In mid-stream a signal ends the node with code 0, and no traceback."""
+    scene = Scene()
+    process = NodeProcess(init_box='[20, 30, 24, 24]')
+    with Client() as client:
+        client.ready()
+        client.play(scene, range(3))
+        for index in range(3, 8):
+            client.send(scene.frame(index), 10**9 + STEP * index, answered=False)
+        assert process.stop(number) == 0, process.log
+    assert 'Traceback' not in process.log
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signal_while_loading(number):
+    """A signal that comes while ROS is being loaded ends it as cleanly."""
+    process = NodeProcess()
+    import time
+    for _ in range(20):
+        if process.process.poll() is not None:
+            break
+        with open(f'/proc/{process.process.pid}/status') as status:
+            caught = next(line for line in status if line.startswith('SigCgt')).split()[1]
+        if int(caught, 16) >> (number - 1) & 1 and int(caught, 16) >> (signal.SIGTERM - 1) & 1:
+            break
+        time.sleep(0.05)
+    assert process.stop(number) == 0, process.log
+    assert 'Traceback' not in process.log

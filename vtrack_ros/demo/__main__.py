@@ -1,0 +1,116 @@
+"""Track a target in a recorded bag, with a real node, and show what came out."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import json
+import os
+from pathlib import Path
+import sys
+from typing import Any
+
+from vtrack_ros.demo.pictures import draw_run
+from vtrack_ros.demo.processes import DemoError, run
+from vtrack_ros.demo.summary import summarise
+from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import tracker_names
+
+_ROOT = Path(__file__).resolve().parents[2]
+_COMPRESSED = 'sensor_msgs/msg/CompressedImage'
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line's parser."""
+    result = argparse.ArgumentParser(
+        prog='demo', description='Track a target in a recorded bag: a player, the node and a '
+        'recorder run in three processes, and pictures of it go into a folder.')
+    result.add_argument('--bag', type=Path, default=_ROOT / 'bags' / 'face_fast',
+                        help='a rosbag2 folder, .mcap, .db3 or ROS 1 .bag (default: %(default)s)')
+    result.add_argument('--topic', help='the image topic, where the bag has several')
+    result.add_argument('--tracker', choices=tracker_names(), default='gmpf',
+                        help='default: %(default)s')
+    result.add_argument('--seed', type=_seed, default=0,
+                        help='of the random numbers (default: %(default)s)')
+    result.add_argument('--init-box', type=_box, metavar='X,Y,WIDTH,HEIGHT',
+                        help="the target on the first frame, in pixels (default: the bag's truth)")
+    result.add_argument('--json', type=Path, metavar='FILE', help='write the figures here as well')
+    result.add_argument('--out', type=Path, default=Path('demo-output'), metavar='DIR',
+                        help='where the pictures go (default: %(default)s)')
+    return result
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the demo; return 0 if the target was tracked, 1 if not, 2 if it couldn't be tried."""
+    options = parser().parse_args(arguments)
+    from vtrack_ros.bags import BagError
+    # Of its own, so that nobody else's images on this machine get in.
+    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    try:
+        return _demonstrate(options)
+    except (BagError, DemoError) as error:
+        print(f'demo: {error}', file=sys.stderr)
+        return 2
+
+
+def _demonstrate(options: argparse.Namespace) -> int:
+    from vtrack_ros.bags import BagReader
+    with BagReader(options.bag) as bag:
+        topic = bag.image_topic(options.topic)
+        truth = bag.truth()
+        first = next(iter(bag.frames(topic.name)))
+    box = options.init_box or truth.get(first.stamp)
+    if box is None:
+        raise DemoError(f'{options.bag} does not say where the target is on the first frame: '
+                        'give --init-box X,Y,WIDTH,HEIGHT')
+    options.out.mkdir(parents=True, exist_ok=True)
+    print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
+          f'{options.tracker}, seed {options.seed}')
+    compressed = topic.type == _COMPRESSED
+    node = _node_arguments(options.tracker, options.seed, box, topic.name, compressed)
+    player = [str(options.bag), '--topic', topic.name]
+    bar = ProgressBar(sys.stderr, 'frames')
+    sent, frames, log = run(node, player, options.out / 'record.json',
+                            lambda done: bar(done, topic.count))
+    (options.out / 'node.log').write_text(log + '\n')
+    summary = summarise(frames, truth, sent)
+    print(summary.table())
+    for path in draw_run(options.bag, topic.name, frames, truth, options.out):
+        print(f'see {path}')
+    if options.json is not None:
+        options.json.write_text(json.dumps(summary.as_json(), indent=2) + '\n')
+    if not summary.tracked:
+        print('demo: the target was not tracked', file=sys.stderr)
+        return 1
+    return 0
+
+
+def _node_arguments(tracker: str, seed: int, box: Box, topic: str,
+                    compressed: bool) -> list[str]:
+    values: dict[str, Any] = {
+        'tracker': tracker, 'seed': seed,
+        'init_box': '[' + ', '.join(repr(value) for value in box.as_array().tolist()) + ']',
+        'image_transport': 'compressed' if compressed else 'raw'}
+    arguments = ['-r', f'{"image/compressed" if compressed else "image"}:={topic}']
+    for name, value in values.items():
+        arguments += ['-p', f'{name}:={value}']
+    return arguments
+
+
+def _seed(text: str) -> int:
+    value = int(text)
+    if not 0 <= value < 2**31:
+        raise argparse.ArgumentTypeError(f'{value} is not from 0 to {2**31 - 1}')
+    return value
+
+
+def _box(text: str) -> Box:
+    try:
+        return Box(*(float(part) for part in text.split(',')))
+    except (TypeError, ValueError) as error:
+        raise argparse.ArgumentTypeError(f'{text!r} is not X,Y,WIDTH,HEIGHT: {error}') from None
+
+
+if __name__ == '__main__':
+    sys.exit(main())
