@@ -134,10 +134,10 @@ class Gaussian:
 
 def covariance_factors(covariance: FloatArray) -> FloatArray:
     """
-    Return L with `L L^T = covariance`, for one matrix or for many.
+    Return lower triangular L with `L L^T = covariance`, for many matrices.
 
-    Cholesky's factor where it exists. A matrix that rounding has left indefinite gets the factor
-    of the nearest positive semi-definite one, from its eigenvalues.
+    Cholesky's factor where it exists. If rounding has left any matrix indefinite, the factors are
+    those of the nearest matrices whose eigenvalues are positive.
 
     Parameters
     ----------
@@ -153,4 +153,7 @@ def covariance_factors(covariance: FloatArray) -> FloatArray:
         return np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
         values, vectors = np.linalg.eigh(covariance)
-        return vectors * np.sqrt(np.maximum(values, 0.0))[..., np.newaxis, :]
+        least = np.finfo(np.float64).eps * np.abs(values).max(axis=-1, keepdims=True)
+        root = vectors * np.sqrt(np.maximum(values, least))[..., np.newaxis, :]
+        upper = np.linalg.qr(root.swapaxes(-1, -2), mode='r')
+        return upper.swapaxes(-1, -2)

@@ -63,6 +63,10 @@ class StateSpaceModel(ABC):
     def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
         """Return the error-free measurements of states, shape (N, m)."""
 
+    def transition_matrix(self, dt: float) -> FloatArray | None:
+        """Return F, shape (n, n), where the transition is linear up to a constant; else None."""
+        return None
+
     @property
     def measurement_noise(self) -> FloatArray:
         """Return the covariance of the measurement's error, shape (m, m)."""
@@ -105,7 +109,7 @@ class StateSpaceModel(ABC):
         return self.log_noise_density(states - self.transition(previous, dt, time), dt)
 
     def residual(self, measurements: FloatArray, predicted: FloatArray) -> FloatArray:
-        """Return measurement minus prediction, shape (N, m); override where angles wrap."""
+        """Return measurement minus prediction, shape (..., m); override where angles wrap."""
         return measurements - predicted
 
     def log_likelihood(
@@ -128,6 +132,39 @@ class StateSpaceModel(ABC):
         """
         residual = self.residual(measurement, self.measure(states, time))
         return (error or self.measurement_error).log_density(residual)
+
+    def simulate(
+            self, start: ArrayLike, steps: int, rng: np.random.Generator, dt: float = 1.0,
+            time: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """
+        Draw a trajectory and its measurements.
+
+        Parameters
+        ----------
+        start : array_like, shape (n,)
+            The state at `time`; not part of the result.
+        steps : int
+            How many.
+        rng : numpy.random.Generator
+            Where randomness comes from.
+        dt, time : float
+            The length of a step, and when the first one begins.
+
+        Returns
+        -------
+        states : ndarray, shape (steps, n)
+        measurements : ndarray, shape (steps, m)
+
+        """
+        state = checked_array('start', start, (self.state_dimension,))[np.newaxis]
+        states = np.empty((steps, self.state_dimension))
+        measurements = self.measurement_error.sample(steps, rng)
+        for step in range(steps):
+            state = self.sample_transition(state, dt, rng, time)
+            time += dt
+            states[step] = state[0]
+            measurements[step] += self.measure(state, time)[0]
+        return states, measurements
 
     def transition_jacobian(
             self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
@@ -189,7 +226,7 @@ class LinearModel(StateSpaceModel):
 
     @abstractmethod
     def transition_matrix(self, dt: float) -> FloatArray:
-        """Return F in `x_k = F x_{k-1} + c + v`, shape (n, n)."""
+        """Return F of `x_k = F x_{k-1} + c + v`, shape (n, n)."""
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
         """Return the expected states after `dt`, shape (N, n)."""

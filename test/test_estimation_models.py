@@ -1,0 +1,203 @@
+"""Models: moments, densities and Jacobians agree with one another; dt is honoured."""
+
+import math
+
+import numpy as np
+import pytest
+
+from vtrack_ros.estimation.linear_models import (
+    ConstantVelocity, FirstOrderAutoregressive, SecondOrderAutoregressive)
+from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.nonlinear_models import (
+    BearingRange, UnivariateNonstationaryGrowth, VanDerMerweModel)
+
+MODELS = {
+    'constant velocity': ConstantVelocity(2, 2, 0.7, 0.2),
+    'autoregressive 1': FirstOrderAutoregressive([0.9, 1.0], [0.5, 0.1], np.eye(2), [3.0, -1.0]),
+    'autoregressive 2': SecondOrderAutoregressive([1.8], [-0.9], [0.4], [[1.0]]),
+    'ung': UnivariateNonstationaryGrowth(),
+    'van der merwe': VanDerMerweModel(),
+    'bearing range 4': BearingRange(2),
+    'bearing range 6': BearingRange(3),
+}
+TIMES = (3.0, 40.0)
+
+
+@pytest.fixture(params=sorted(MODELS))
+def model(request):
+    return MODELS[request.param]
+
+
+def some_states(model, count=5):
+    rng = np.random.default_rng(1)
+    return rng.normal(2.0, 1.5, (count, model.state_dimension))
+
+
+@pytest.mark.parametrize('dt', [1.0, 2.0])
+def test_transition_and_noise_are_the_moments_of_what_is_sampled(model, dt):
+    count = 40000
+    start = np.repeat(some_states(model, 1), count, axis=0)
+    drawn = model.sample_transition(start, dt, np.random.default_rng(2), TIMES[0])
+    noise = model.process_noise(dt)
+    spread = np.sqrt(noise.diagonal())
+    expected = model.transition(start[:1], dt, TIMES[0])[0]
+    assert (np.abs(drawn.mean(axis=0) - expected) < 5 * spread / math.sqrt(count)).all()
+    # Five standard errors; those of a Gamma(3) variance are sqrt(2) times the Gaussian ones.
+    tolerance = 5 * math.sqrt(4 / count) * np.outer(spread, spread)
+    assert (np.abs(np.cov(drawn.T).reshape(noise.shape) - noise) < tolerance).all()
+
+
+@pytest.mark.parametrize('name', sorted(set(MODELS) - {'van der merwe'}))
+def test_the_transition_s_density_is_that_of_its_samples(name):
+    """The mean of q / p over samples of p is one for every density q; here a narrower one."""
+    model, count = MODELS[name], 20000
+    previous = np.repeat(some_states(model, 1), count, axis=0)
+    states = model.sample_transition(previous, 1.0, np.random.default_rng(3), TIMES[0])
+    narrow = 0.5 * model.process_noise(1.0)
+    error = states - model.transition(previous[:1], 1.0, TIMES[0])
+    log_q = (-0.5 * np.einsum('ij,jk,ik->i', error, np.linalg.inv(narrow), error)
+             - 0.5 * np.linalg.slogdet(2 * math.pi * narrow)[1])
+    ratio = np.exp(log_q - model.log_transition(states, previous, 1.0, TIMES[0]))
+    assert abs(ratio.mean() - 1) < 5 * ratio.std() / math.sqrt(count)
+
+
+def test_the_gamma_density_integrates_to_one_and_vanishes_below_zero():
+    model = VanDerMerweModel()
+    mean = model.shape / model.rate
+    grid = np.linspace(-mean - 1, 12, 200001)[:, np.newaxis]
+    density = np.exp(model.log_noise_density(grid, 1.0))
+    step = grid[1, 0] - grid[0, 0]
+    assert density.sum() * step == pytest.approx(1.0, abs=1e-4)
+    assert (density * grid[:, 0]).sum() * step == pytest.approx(0.0, abs=1e-4)
+    assert (density * grid[:, 0] ** 2).sum() * step == pytest.approx(
+        model.process_noise(1.0)[0, 0], abs=1e-3)
+    assert (density[grid[:, 0] < -mean] == 0).all()
+
+
+@pytest.mark.parametrize('time', TIMES)
+def test_jacobians_are_the_derivatives(model, time):
+    """The model's own against central differences, which are the fallback of any model."""
+    states = some_states(model)
+    np.testing.assert_allclose(
+        model.transition_jacobian(states, 1.0, time),
+        StateSpaceModel.transition_jacobian(model, states, 1.0, time), atol=1e-6)
+    np.testing.assert_allclose(
+        model.measurement_jacobian(states, time),
+        StateSpaceModel.measurement_jacobian(model, states, time), atol=1e-6)
+    matrix = model.transition_matrix(1.0)
+    if matrix is not None:
+        np.testing.assert_allclose(
+            np.broadcast_to(matrix, (5, *matrix.shape)),
+            StateSpaceModel.transition_jacobian(model, states, 1.0, time), atol=1e-6)
+
+
+def test_measured_components_are_those_that_matter(model):
+    components = model.measured_components
+    if components is None:
+        components = range(model.state_dimension)
+    jacobian = model.measurement_jacobian(some_states(model), TIMES[0])
+    for component in range(model.state_dimension):
+        assert jacobian[:, :, component].any() == (component in components)
+
+
+@pytest.mark.parametrize('time', TIMES)
+def test_the_likelihood_is_gaussian_about_the_measurement(model, time):
+    states = some_states(model)
+    seen = model.measure(states, time)
+    noise = model.measurement_noise
+    peak = -0.5 * np.linalg.slogdet(2 * math.pi * noise)[1]
+    z = seen[0]
+    assert model.log_likelihood(states, z, time)[0] == pytest.approx(peak)
+    z = z + np.sqrt(noise[0]) * (np.arange(len(z)) == 0)
+    assert model.log_likelihood(states[:1], z, time)[0] == pytest.approx(peak - 0.5)
+
+
+@pytest.mark.parametrize('name', ['constant velocity', 'autoregressive 1', 'autoregressive 2'])
+def test_two_steps_are_one_of_twice_the_length(name):
+    model = MODELS[name]
+    once, twice = model.transition_matrix(1.0), model.transition_matrix(2.0)
+    np.testing.assert_allclose(once @ once, twice, atol=1e-12)
+    noise = model.process_noise(1.0)
+    np.testing.assert_allclose(once @ noise @ once.T + noise, model.process_noise(2.0),
+                               atol=1e-12)
+    states = some_states(model)
+    np.testing.assert_allclose(
+        model.transition(model.transition(states, 1.0), 1.0), model.transition(states, 2.0))
+
+
+def test_constant_velocity_moves_at_constant_velocity():
+    model = ConstantVelocity(2, 2)
+    moved = model.transition(np.array([[10.0, 20.0, 3.0, -4.0, 7.0, 8.0]]), 0.5)
+    np.testing.assert_allclose(moved, [[11.5, 18.0, 3.0, -4.0, 7.0, 8.0]])
+    assert model.measured_components == (0, 1)
+    whole = ConstantVelocity(2, 2, measurement_noise=np.eye(4))
+    assert whole.measured_components == (0, 1, 4, 5)
+    np.testing.assert_allclose(whole.measure(moved), [[11.5, 18.0, 7.0, 8.0]])
+
+
+def test_second_order_autoregression_extrapolates():
+    """With 2 and -1 the next place is y + (y - y_before) [Yin2013, eq. 6]."""
+    model = SecondOrderAutoregressive([2.0, 2.0], [-1.0, -1.0], [1.0, 1.0], np.eye(2))
+    np.testing.assert_allclose(
+        model.transition(np.array([[5.0, 1.0, 3.0, 2.0]]), 1.0), [[7.0, 0.0, 5.0, 1.0]])
+
+
+def test_ung_by_hand():
+    model = UnivariateNonstationaryGrowth()
+    expected = 0.5 * 2 + 25 * 2 / 5 + 8 * math.cos(1.2 * 4)
+    assert model.transition(np.array([[2.0]]), 1.0, 4.0)[0, 0] == pytest.approx(expected)
+    assert model.measure(np.array([[-6.0]]))[0, 0] == pytest.approx(1.8)
+
+
+def test_van_der_merwe_by_hand():
+    model = VanDerMerweModel(shape=3.0, rate=2.0)
+    expected = 1 + math.sin(0.04 * math.pi * 7) + 0.5 * 2 + 1.5
+    assert model.transition(np.array([[2.0]]), 1.0, 7.0)[0, 0] == pytest.approx(expected)
+    assert model.measure(np.array([[3.0]]), 30.0)[0, 0] == pytest.approx(1.8)
+    assert model.measure(np.array([[3.0]]), 31.0)[0, 0] == pytest.approx(-0.5)
+
+
+def test_bearing_and_range_by_hand():
+    np.testing.assert_allclose(
+        BearingRange(2).measure(np.array([[-3.0, 4.0, 9.0, 9.0]])), [[5.0, math.atan2(4, -3)]])
+    np.testing.assert_allclose(
+        BearingRange(3).measure(np.array([[3.0, 4.0, 5.0, 0.0, 0.0, 0.0]])),
+        [[math.sqrt(50), math.atan2(4, 3), math.pi / 4]])
+
+
+def test_bearings_wrap():
+    model = BearingRange(2)
+    residual = model.residual(np.array([5.0, math.pi - 0.1]), np.array([[5.0, -math.pi + 0.1]]))
+    np.testing.assert_allclose(residual, [[0.0, -0.2]], atol=1e-12)
+    behind = np.array([[-10.0, -0.01, 0.0, 0.0]])
+    above = np.array([10.0, math.pi])
+    assert model.log_likelihood(behind, above)[0] > model.log_likelihood(behind + 1.0, above)[0]
+
+
+def test_simulation_is_seeded_and_of_the_right_shape(model):
+    start = np.ones(model.state_dimension)
+    states, measurements = model.simulate(start, 7, np.random.default_rng(4))
+    again, _ = model.simulate(start, 7, np.random.default_rng(4))
+    assert states.shape == (7, model.state_dimension)
+    assert measurements.shape == (7, model.measurement_dimension)
+    np.testing.assert_array_equal(states, again)
+
+
+@pytest.mark.parametrize('make, name', [
+    (lambda: ConstantVelocity(0), 'positions'),
+    (lambda: ConstantVelocity(acceleration_density=0.0), 'acceleration_density'),
+    (lambda: ConstantVelocity(wander_density=-1.0), 'wander_density'),
+    (lambda: ConstantVelocity(2, 2, measurement_noise=np.eye(3)), 'measurement_noise'),
+    (lambda: ConstantVelocity(measurement_noise=-np.eye(2)), 'measurement_noise'),
+    (lambda: FirstOrderAutoregressive([1.1], [1.0], [[1.0]]), 'coefficient'),
+    (lambda: FirstOrderAutoregressive([0.9], [0.0], [[1.0]]), 'noise'),
+    (lambda: FirstOrderAutoregressive([0.9], [1.0, 1.0], [[1.0]]), 'noise'),
+    (lambda: SecondOrderAutoregressive([2.0], [-1.0], [1.0], [[1.0]], period=0.0), 'period'),
+    (lambda: UnivariateNonstationaryGrowth(process_variance=0.0), 'process_variance'),
+    (lambda: VanDerMerweModel(measurement_variance=math.nan), 'measurement_variance'),
+    (lambda: VanDerMerweModel(rate=-2.0), 'rate'),
+    (lambda: BearingRange(4), 'positions'), (lambda: BearingRange(1), 'positions'),
+    (lambda: BearingRange(2, measurement_noise=np.eye(3)), 'measurement_noise')])
+def test_wrong_parameters_are_refused(make, name):
+    with pytest.raises(ValueError, match=name):
+        make()

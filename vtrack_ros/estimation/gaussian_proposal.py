@@ -1,0 +1,97 @@
+"""The proposal that looks at the measurement: a Gaussian filter for each particle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.gaussian import covariance_factors, Gaussian, GaussianNoise
+from vtrack_ros.estimation.kalman import GaussianFilter
+from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.proposals import Proposal, Proposed
+from vtrack_ros.estimation.validation import FloatArray
+
+COVARIANCES = ('reset', 'kept')
+
+
+class GaussianFilterProposal(Proposal):
+    """
+    A Gaussian filter for each particle, updated by the measurement [Qi2012, section 2.2].
+
+    Particle i is drawn from the posterior N(x_hat_i, P_i) of its own filter. With
+    `KalmanFilter` or `ExtendedKalmanFilter` the particle filter is the KPF or EPF, with
+    `SigmaPointFilter` and a rule the UPF, QKPF or P-QKPF. Without a measurement particles come
+    from the transition prior.
+
+    Parameters
+    ----------
+    gaussian_filter : GaussianFilter
+        For the model of the particle filter.
+    covariance : {'reset', 'kept'}
+        What covariance the filter of a particle starts a step with. 'reset': zero, for the
+        particle's state is given; the proposal then approximates the optimal one,
+        p(x_k | x_{k-1}, z_k). 'kept': that of its last posterior, as both papers print it; this
+        counts the uncertainty of x_{k-1} twice, once in the covariance and once in the spread of
+        the particles, and the proposal becomes wider than the optimal one.
+    inflation : float
+        How much of the predicted covariance is added to P_i for sampling, zero or more. A filter
+        that is too sure of itself (a strongly curved measurement, a noise with heavy tails)
+        leaves parts of the posterior without particles; inflation covers them.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    """
+
+    def __init__(
+            self, gaussian_filter: GaussianFilter, covariance: str = 'reset',
+            inflation: float = 0.0) -> None:
+        if covariance not in COVARIANCES:
+            raise ValueError(f'unknown covariance {covariance!r}; valid are '
+                             + ', '.join(COVARIANCES))
+        if not 0 <= inflation < math.inf:
+            raise ValueError(f'inflation must be zero or more, not {inflation!r}')
+        self.gaussian_filter = gaussian_filter
+        self.keeps_covariances = covariance == 'kept'
+        self.inflation = float(inflation)
+
+    def propose(
+            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+            measurement: FloatArray | None = None,
+            error: GaussianNoise | None = None) -> Proposed:
+        """Draw each successor from the posterior of the particle's own filter."""
+        predicted = self._predicted(model, belief, dt)
+        if measurement is None:
+            return Proposed(
+                model.sample_transition(belief.states, dt, rng, belief.time),
+                covariances=predicted.covariance if self.keeps_covariances else None)
+        posterior = self.gaussian_filter.update(
+            predicted, measurement, belief.time + dt, error).posterior
+        spread = posterior.covariance
+        if self.inflation:
+            spread = spread + self.inflation * predicted.covariance
+        del predicted
+        factors = covariance_factors(spread)
+        diagonal = np.abs(np.einsum('nii->ni', factors))
+        states = rng.standard_normal(belief.states.shape)
+        log_density = np.einsum('ij,ij->i', states, states)
+        log_density += states.shape[1] * math.log(2 * math.pi)
+        log_density *= -0.5
+        log_density -= np.log(diagonal).sum(axis=1)
+        states = np.einsum('nij,nj->ni', factors, states)
+        states += posterior.mean
+        return Proposed(states, log_density,
+                        posterior.covariance if self.keeps_covariances else None)
+
+    def _predicted(self, model: StateSpaceModel, belief: Belief, dt: float) -> Gaussian:
+        if self.keeps_covariances and belief.covariances is not None:
+            prior = Gaussian(belief.states, belief.covariances)
+            return self.gaussian_filter.predict(prior, dt, belief.time)
+        count, dimension = belief.states.shape
+        return Gaussian(
+            model.transition(belief.states, dt, belief.time),
+            np.broadcast_to(model.process_noise(dt), (count, dimension, dimension)))

@@ -1,0 +1,46 @@
+"""Indices that compare algorithms on several criteria."""
+
+from __future__ import annotations
+
+from numpy.typing import ArrayLike
+
+from vtrack_ros.estimation.validation import checked_array, FloatArray
+
+PAPER_WEIGHTS = (0.5, 0.3, 0.2)
+"""For time per frame, mean and variance of the RMSE [Zhu2012, section 5]."""
+
+
+def composite_index(criteria: ArrayLike, weights: ArrayLike = PAPER_WEIGHTS) -> FloatArray:
+    """
+    Return the composite evaluation index CEI of each algorithm [Zhu2012, eq. 21].
+
+    `CEI(X_k) = sum_i w_i C_i(X_k) / max_j C_i(X_j)`: from 0 to 1, smaller is better. It is
+    relative to the worst of those compared: adding an algorithm changes the others' index.
+
+    Parameters
+    ----------
+    criteria : array_like, shape (algorithms, criteria)
+        Each zero or more, the smaller the better. A criterion that is zero for all counts zero.
+    weights : array_like, shape (criteria,)
+        Of the criteria, zero or more, with sum one.
+
+    Returns
+    -------
+    ndarray, shape (algorithms,)
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a value negative, or the sum of the weights isn't one.
+
+    """
+    weights = checked_array('weights', weights, (None,))
+    criteria = checked_array('criteria', criteria, (None, len(weights)))
+    if not len(criteria) or (criteria < 0).any():
+        raise ValueError('criteria must be zero or more, of at least one algorithm')
+    if (weights < 0).any() or abs(weights.sum() - 1) > 1e-9:
+        raise ValueError('weights must be zero or more, with sum one')
+    largest = criteria.max(axis=0)
+    largest[largest == 0] = 1.0
+    index: FloatArray = criteria / largest @ weights
+    return index

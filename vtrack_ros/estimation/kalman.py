@@ -1,0 +1,236 @@
+"""Gaussian filters: many Kalman filters side by side, linear or linearised."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
+from vtrack_ros.estimation.model import LinearModel, StateSpaceModel
+from vtrack_ros.estimation.validation import FloatArray
+
+_BLOCK = 8192
+"""How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """
+    What a measurement made of N beliefs.
+
+    Parameters
+    ----------
+    posterior : Gaussian
+    log_evidence : ndarray, shape (N,)
+        The log-density of the measurement, as each belief predicted it.
+
+    """
+
+    posterior: Gaussian
+    log_evidence: FloatArray
+
+
+class GaussianFilter(ABC):
+    """
+    A filter whose belief is a Gaussian; it works on N beliefs at once.
+
+    Updates take Joseph's form, a sum of positive semi-definite terms: rounding can't make a
+    covariance indefinite. Beliefs are worked off in blocks, so that a step needs no more memory
+    than its result and one block.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+
+    """
+
+    def __init__(self, model: StateSpaceModel) -> None:
+        self.model = model
+
+    def predict(self, prior: Gaussian, dt: float, time: float = 0.0) -> Gaussian:
+        """
+        Return the beliefs after a step of `dt` that begins at `time`.
+
+        Raises
+        ------
+        ValueError
+            If the beliefs are of another dimension than the model.
+
+        """
+        self._check(prior)
+        mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
+        for part in self._blocks(len(prior)):
+            mean[part], covariance[part] = self._predict(
+                prior.mean[part], prior.covariance[part], dt, time)
+        return Gaussian(mean, covariance)
+
+    def update(
+            self, prior: Gaussian, measurement: FloatArray, time: float = 0.0,
+            error: GaussianNoise | None = None) -> Correction:
+        """
+        Return the beliefs after a measurement.
+
+        Parameters
+        ----------
+        prior : Gaussian
+            N beliefs.
+        measurement : ndarray, shape (m,)
+            The same for all.
+        time : float
+            That of the measurement.
+        error : GaussianNoise, optional
+            The measurement's error, where it differs from the model's.
+
+        Raises
+        ------
+        ValueError
+            If the beliefs or the measurement are of another dimension than the model.
+
+        """
+        self._check(prior)
+        if np.shape(measurement) != (self.model.measurement_dimension,):
+            raise ValueError(f'measurement must have the shape '
+                             f'({self.model.measurement_dimension},), not {np.shape(measurement)}')
+        error = error or self.model.measurement_error
+        mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
+        log_evidence = np.empty(len(prior))
+        for part in self._blocks(len(prior)):
+            mean[part], covariance[part], log_evidence[part] = self._update(
+                prior.mean[part], prior.covariance[part], measurement, time, error)
+        return Correction(Gaussian(mean, covariance), log_evidence)
+
+    @abstractmethod
+    def _predict(
+            self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,
+            ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and covariance after the step, of one block."""
+
+    @abstractmethod
+    def _update(
+            self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
+            error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mean, covariance and log-evidence after the measurement, of one block."""
+
+    def _numbers(self) -> int:
+        """Return how many numbers a belief needs at a time."""
+        return 4 * self.model.state_dimension ** 2
+
+    def _blocks(self, count: int) -> list[slice]:
+        size = max(1, _BLOCK // self._numbers())
+        return [slice(start, start + size) for start in range(0, count, size)]
+
+    def _check(self, beliefs: Gaussian) -> None:
+        dimension = beliefs.mean.shape[1]
+        if dimension != self.model.state_dimension:
+            raise ValueError(f'beliefs are of dimension {dimension}, '
+                             f'the model of {self.model.state_dimension}')
+
+    def _propagate(
+            self, mean: FloatArray, covariance: FloatArray, matrix: FloatArray, dt: float,
+            time: float) -> tuple[FloatArray, FloatArray]:
+        """Predict by a transition matrix, shape (n, n) or (N, n, n)."""
+        predicted = matrix @ covariance @ matrix.swapaxes(-1, -2)
+        predicted += self.model.process_noise(dt)
+        return self.model.transition(mean, dt, time), symmetrised(predicted)
+
+
+class ExtendedKalmanFilter(GaussianFilter):
+    """The extended Kalman filter: transition and measurement linearised at the mean."""
+
+    def _predict(
+            self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,
+            ) -> tuple[FloatArray, FloatArray]:
+        matrix = self.model.transition_matrix(dt)
+        if matrix is None:
+            matrix = self.model.transition_jacobian(mean, dt, time)
+        return self._propagate(mean, covariance, matrix, dt, time)
+
+    def _update(
+            self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
+            error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+        jacobian = self.model.measurement_jacobian(mean, time)
+        cross = covariance @ jacobian.swapaxes(1, 2)
+        innovation_covariance = jacobian @ cross
+        innovation_covariance += error.covariance
+        residual = self.model.residual(measurement, self.model.measure(mean, time))
+        gain, log_evidence = innovate(cross, innovation_covariance, residual)
+        keep = np.eye(mean.shape[1]) - gain @ jacobian
+        posterior = keep @ covariance @ keep.swapaxes(1, 2)
+        posterior += gain @ error.covariance @ gain.swapaxes(1, 2)
+        return mean + matrix_times(gain, residual), symmetrised(posterior), log_evidence
+
+
+class KalmanFilter(ExtendedKalmanFilter):
+    """
+    The Kalman filter: exact on a linear model with Gaussian noise.
+
+    Parameters
+    ----------
+    model : LinearModel
+
+    Raises
+    ------
+    ValueError
+        If the model isn't linear.
+
+    """
+
+    def __init__(self, model: StateSpaceModel) -> None:
+        if not isinstance(model, LinearModel):
+            raise ValueError(f'model must be a LinearModel, not {type(model).__name__}; '
+                             'the other filters take any')
+        super().__init__(model)
+
+
+def innovate(
+        cross: FloatArray, innovation_covariance: FloatArray, residual: FloatArray,
+        ) -> tuple[FloatArray, FloatArray]:
+    """
+    Return gains and log-evidence of N innovations.
+
+    Parameters
+    ----------
+    cross : ndarray, shape (N, n, m)
+        The covariance of state and measurement.
+    innovation_covariance : ndarray, shape (N, m, m)
+        S.
+    residual : ndarray, shape (N, m)
+        Measurement minus prediction.
+
+    Returns
+    -------
+    gain : ndarray, shape (N, n, m)
+        `cross S^-1`.
+    log_evidence : ndarray, shape (N,)
+        The residuals' log-densities.
+
+    """
+    dimension = residual.shape[1]
+    if dimension == 1:
+        variance = innovation_covariance[:, 0]
+        distance = residual[:, 0] ** 2 / variance[:, 0]
+        gain = cross / variance[:, np.newaxis]
+        log_determinant = np.log(variance[:, 0])
+    else:
+        inverse = np.linalg.inv(innovation_covariance)
+        gain = cross @ inverse
+        distance = np.einsum('ni,nij,nj->n', residual, inverse, residual)
+        log_determinant = np.linalg.slogdet(innovation_covariance)[1]
+    log_density: FloatArray = -0.5 * (
+        distance + log_determinant + dimension * math.log(2 * math.pi))
+    return gain, log_density
+
+
+def matrix_times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return the product of each matrix with its vector."""
+    product: FloatArray = (matrices @ vectors[:, :, np.newaxis])[:, :, 0]
+    return product
+
+
+def symmetrised(matrices: FloatArray) -> FloatArray:
+    """Return the matrices with rounding's asymmetry averaged out."""
+    symmetric: FloatArray = 0.5 * (matrices + matrices.swapaxes(1, 2))
+    return symmetric

@@ -1,0 +1,206 @@
+"""Nonlinear models: the two scalar ones that particle filters are measured on, and a radar."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtrack_ros.estimation.linear_models import ConstantVelocity
+from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.validation import (
+    checked_array, checked_count, checked_positive, FloatArray)
+
+
+class UnivariateNonstationaryGrowth(StateSpaceModel):
+    """
+    The univariate nonstationary growth model, UNG [Qi2012, eq. 26].
+
+        x_k = 0.5 x + 25 x / (1 + x^2) + 8 cos(1.2 (k - 1)) + v,   x = x_{k-1}
+        y_k = x_k^2 / 20 + w
+
+    The measurement doesn't tell the sign of the state: the posterior has two modes. The print
+    adds `8 cos(k)` to y_k, a known offset that changes nothing. A step has dt = 1, and `time` is k.
+
+    Parameters
+    ----------
+    process_variance, measurement_variance : float
+        The paper gives none; 10 and 1 are usual (Gordon, Salmond and Smith, 1993).
+
+    Raises
+    ------
+    ValueError
+        If a variance isn't positive.
+
+    """
+
+    def __init__(
+            self, process_variance: float = 10.0, measurement_variance: float = 1.0) -> None:
+        self.process_variance = checked_positive('process_variance', process_variance)
+        super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
+
+    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        """Return the expected states one step after `time`, shape (N, 1)."""
+        moved: FloatArray = 0.5 * states + 25 * states / (1 + states ** 2)
+        moved += 8 * math.cos(1.2 * time)
+        return moved
+
+    def process_noise(self, dt: float) -> FloatArray:
+        """Return the variance of v, shape (1, 1)."""
+        return np.array([[self.process_variance]])
+
+    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+        """Return x^2 / 20, shape (N, 1)."""
+        return states ** 2 / 20
+
+    def transition_jacobian(
+            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        """Return the derivative of the transition at each state, shape (N, 1, 1)."""
+        square = states ** 2
+        slope: FloatArray = 0.5 + 25 * (1 - square) / (1 + square) ** 2
+        return slope[:, :, np.newaxis]
+
+    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+        """Return the derivative of the measurement at each state, shape (N, 1, 1)."""
+        return (states / 10)[:, :, np.newaxis]
+
+
+class VanDerMerweModel(StateSpaceModel):
+    """
+    The scalar model of the unscented particle filter (van der Merwe et al., 2000, section 5).
+
+        x_k = 1 + sin(0.04 pi (k - 1)) + 0.5 x_{k-1} + v,   v ~ Gamma(3, 2)
+        y_k = 0.2 x_k^2 + w     for k <= 30
+        y_k = 0.5 x_k - 2 + w   for k > 30
+
+    The noise v isn't symmetric and never negative. Its mean is part of `transition`, which leaves
+    a noise of zero mean. A step has dt = 1, and `time` is k.
+
+    Parameters
+    ----------
+    shape, rate : float
+        Of the Gamma density `v^(shape-1) exp(-rate v)`; the mean is shape / rate.
+    measurement_variance : float
+
+    Raises
+    ------
+    ValueError
+        If a parameter isn't positive.
+
+    """
+
+    def __init__(
+            self, shape: float = 3.0, rate: float = 2.0,
+            measurement_variance: float = 1e-5) -> None:
+        self.shape = checked_positive('shape', shape)
+        self.rate = checked_positive('rate', rate)
+        super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
+
+    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        """Return the expected states one step after `time`, shape (N, 1)."""
+        drift = 1 + math.sin(0.04 * math.pi * time) + self.shape / self.rate
+        return 0.5 * states + drift
+
+    def process_noise(self, dt: float) -> FloatArray:
+        """Return the variance of v, shape (1, 1)."""
+        return np.array([[self.shape / self.rate ** 2]])
+
+    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
+        """Draw v minus its mean, shape (count, 1)."""
+        return rng.gamma(self.shape, 1 / self.rate, (count, 1)) - self.shape / self.rate
+
+    def log_noise_density(self, noise: FloatArray, dt: float) -> FloatArray:
+        """Return the log-density of v minus its mean, shape (N,); -inf where v < 0."""
+        v = noise[:, 0] + self.shape / self.rate
+        possible = v > 0
+        v = np.where(possible, v, 1.0)
+        normaliser = self.shape * math.log(self.rate) - math.lgamma(self.shape)
+        density = (self.shape - 1) * np.log(v) - self.rate * v + normaliser
+        return np.where(possible, density, -np.inf)
+
+    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+        """Return the error-free measurement at `time`, shape (N, 1)."""
+        if time <= 30:
+            return 0.2 * states ** 2
+        return 0.5 * states - 2
+
+    def transition_jacobian(
+            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        """Return the derivative of the transition at each state, shape (N, 1, 1)."""
+        return np.full((len(states), 1, 1), 0.5)
+
+    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+        """Return the derivative of the measurement at each state, shape (N, 1, 1)."""
+        slope = 0.4 * states if time <= 30 else np.full_like(states, 0.5)
+        return slope[:, :, np.newaxis]
+
+
+class BearingRange(StateSpaceModel):
+    """
+    A target at nearly constant velocity, seen as range and angles from the origin.
+
+    The state is `[p, v]` with positions in the plane (4-D) or in space (6-D), moving as in
+    `ConstantVelocity`. The measurement is `[range, bearing]`, with the elevation in space;
+    bearings wrap at pi.
+
+    Parameters
+    ----------
+    positions : {2, 3}
+        How many dimensions the target moves in.
+    acceleration_density : float, [m^2/s^3]
+        Of the white acceleration.
+    measurement_noise : array_like, shape (positions, positions), [m, rad, rad]
+        The covariance; by default 1 m and 0.01 rad of standard deviation.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range or of the wrong shape.
+
+    """
+
+    def __init__(
+            self, positions: int = 2, acceleration_density: float = 1.0,
+            measurement_noise: ArrayLike | None = None) -> None:
+        self.positions = checked_count('positions', positions, least=2)
+        if positions > 3:
+            raise ValueError(f'positions must be 2 or 3, not {positions}')
+        default = np.diag([1.0, 1e-4, 1e-4][:positions])
+        noise = default if measurement_noise is None else checked_array(
+            'measurement_noise', measurement_noise, (positions, positions))
+        super().__init__(2 * positions, noise)
+        self._motion = ConstantVelocity(positions, acceleration_density=acceleration_density)
+        self.measured_components = tuple(range(positions))
+
+    def transition_matrix(self, dt: float) -> FloatArray:
+        """Return F of the constant velocity, shape (n, n)."""
+        return self._motion.transition_matrix(dt)
+
+    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        """Return the expected states after `dt`, shape (N, n)."""
+        return self._motion.transition(states, dt, time)
+
+    def process_noise(self, dt: float) -> FloatArray:
+        """Return Q(dt), shape (n, n)."""
+        return self._motion.process_noise(dt)
+
+    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+        """Return range, bearing and, in space, elevation; shape (N, positions), [m, rad, rad]."""
+        seen = np.empty((len(states), self.positions))
+        ground = np.hypot(states[:, 0], states[:, 1])
+        seen[:, 0] = ground
+        seen[:, 1] = np.arctan2(states[:, 1], states[:, 0])
+        if self.positions == 3:
+            seen[:, 0] = np.hypot(ground, states[:, 2])
+            seen[:, 2] = np.arctan2(states[:, 2], ground)
+        return seen
+
+    def residual(self, measurements: FloatArray, predicted: FloatArray) -> FloatArray:
+        """Return measurement minus prediction, the bearing's in [-pi, pi); shape (N, m)."""
+        difference = measurements - predicted
+        bearing = difference[..., 1]
+        bearing += math.pi
+        bearing %= 2 * math.pi
+        bearing -= math.pi
+        return difference

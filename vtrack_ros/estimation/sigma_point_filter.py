@@ -1,0 +1,133 @@
+"""The Kalman filter with sigma points: UKF, QKF, P-QKF and CKF are one filter with a rule."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vtrack_ros.estimation.gaussian import covariance_factors, GaussianNoise
+from vtrack_ros.estimation.kalman import (
+    GaussianFilter, innovate, matrix_times, symmetrised)
+from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.sigma_points import RuleFactory
+from vtrack_ros.estimation.validation import FloatArray
+
+
+class SigmaPointFilter(GaussianFilter):
+    """
+    The Kalman filter with a sigma-point rule in place of Jacobians.
+
+    With `unscented` it is the UKF, with `gauss_hermite` the quadrature Kalman filter QKF
+    (Arasaratnam, Haykin and Elliott, 2007), with `pruned_gauss_hermite` the P-QKF
+    [Qi2012, section 2], with `cubature` the CKF.
+
+    A linear transition is carried out exactly. In an update only the components that the
+    measurement depends on are integrated over: with the Cholesky factor of a covariance whose
+    leading components these are, they depend on as many standardised variables, and all others
+    follow by regression.
+
+    With G = sum_i w_i (z_i - mean z) xi_i^T, the covariance of measurement and standardised state,
+    the gain is `K = L G^T S^-1`, and the update in Joseph's form
+
+        P+ = (L - K G)(L - K G)^T + K (R + Omega) K^T
+
+    where `Omega = cov z - G G^T` is what a linear regression of z on x leaves over. It is positive
+    semi-definite for a rule without negative weights; with them, its negative part is cut off.
+
+    Parameters
+    ----------
+    model : StateSpaceModel
+    rule : callable
+        Makes the rule for a dimension: `unscented`, `cubature`, or e.g.
+        `functools.partial(gauss_hermite, order=5)`.
+    measured_only : bool
+        Whether updates integrate over the measured components alone, or over all.
+
+    """
+
+    def __init__(
+            self, model: StateSpaceModel, rule: RuleFactory, measured_only: bool = True) -> None:
+        super().__init__(model)
+        components = list(range(model.state_dimension))
+        measured = model.measured_components
+        if measured_only and measured is not None:
+            components = list(measured)
+        rest = [i for i in range(model.state_dimension) if i not in components]
+        self.update_rule = rule(len(components))
+        self.transition_rule = (self.update_rule if not rest else rule(model.state_dimension))
+        self._order = None if components + rest == sorted(components + rest) else np.array(
+            components + rest)
+        self._signed = bool((self.update_rule.covariance_weights < 0).any())
+
+    def _numbers(self) -> int:
+        points = len(self.update_rule)
+        if self.model.transition_matrix(1.0) is None:
+            points = max(points, len(self.transition_rule))
+        return max(points, 2 * self.model.state_dimension) * self.model.state_dimension
+
+    def _predict(
+            self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,
+            ) -> tuple[FloatArray, FloatArray]:
+        matrix = self.model.transition_matrix(dt)
+        if matrix is not None:
+            return self._propagate(mean, covariance, matrix, dt, time)
+        rule = self.transition_rule
+        moved = self._at_points(
+            lambda points: self.model.transition(points, dt, time), rule.points, mean,
+            covariance_factors(covariance))
+        predicted = np.matmul(rule.mean_weights, moved)
+        moved -= predicted[:, np.newaxis]
+        weighted = moved * rule.covariance_weights[:, np.newaxis]
+        spread = weighted.swapaxes(1, 2) @ moved
+        spread += self.model.process_noise(dt)
+        return predicted, symmetrised(spread)
+
+    def _update(
+            self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
+            error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+        rule, model = self.update_rule, self.model
+        factor = self._factors(covariance)
+        leading = factor[:, :, :rule.dimension]
+        seen = self._at_points(
+            lambda points: model.measure(points, time), rule.points, mean, leading)
+        # Angles have no mean of their own: average the differences to the heaviest point.
+        reference = seen[:, np.argmax(rule.mean_weights)].copy()
+        deviation = model.residual(seen, reference[:, np.newaxis])
+        del seen
+        offset = np.matmul(rule.mean_weights, deviation)
+        deviation -= offset[:, np.newaxis]
+        weighted = (deviation * rule.covariance_weights[:, np.newaxis]).swapaxes(1, 2)
+        spread = weighted @ deviation
+        regression = weighted @ rule.points
+        remainder = spread - regression @ regression.swapaxes(1, 2)
+        if self._signed:
+            values, vectors = np.linalg.eigh(remainder)
+            remainder = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ vectors.swapaxes(1, 2)
+            spread = remainder + regression @ regression.swapaxes(1, 2)
+        residual = model.residual(measurement, reference + offset)
+        gain, log_evidence = innovate(
+            leading @ regression.swapaxes(1, 2), spread + error.covariance, residual)
+        leading -= gain @ regression
+        posterior = factor @ factor.swapaxes(1, 2)
+        posterior += gain @ (remainder + error.covariance) @ gain.swapaxes(1, 2)
+        return mean + matrix_times(gain, residual), symmetrised(posterior), log_evidence
+
+    def _factors(self, covariance: FloatArray) -> FloatArray:
+        """Return factors whose leading columns alone move the measured components."""
+        order = self._order
+        if order is None:
+            return covariance_factors(covariance)
+        factor = np.empty(covariance.shape)
+        factor[:, order] = covariance_factors(covariance[:, order[:, np.newaxis], order])
+        return factor
+
+    @staticmethod
+    def _at_points(
+            function: Callable[[FloatArray], FloatArray], standard: FloatArray, mean: FloatArray,
+            factor: FloatArray) -> FloatArray:
+        """Return a function's values at each belief's sigma points, shape (N, points, ...)."""
+        points = standard @ factor.swapaxes(1, 2)
+        points += mean[:, np.newaxis]
+        values = function(points.reshape(-1, mean.shape[1]))
+        return values.reshape(len(mean), len(standard), -1)

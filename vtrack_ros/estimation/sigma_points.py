@@ -1,0 +1,225 @@
+"""
+Sigma points: rules that replace the integral of a function over a Gaussian by a weighted sum.
+
+A rule is made for the standard Gaussian N(0, I) of some dimension; the points of N(mean, P) are
+`mean + L xi` with `L L^T = P`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import itertools
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
+
+MOST_POINTS = 1_000_000
+"""What a product rule may have; more would only fill the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class SigmaPointRule:
+    """
+    Points and weights for N(0, I).
+
+    Parameters
+    ----------
+    points : ndarray, shape (m, n)
+    mean_weights : ndarray, shape (m,)
+        For the mean of a function; their sum is one.
+    covariance_weights : ndarray, shape (m,)
+        For second moments about the mean.
+
+    """
+
+    points: FloatArray
+    mean_weights: FloatArray
+    covariance_weights: FloatArray
+
+    @property
+    def dimension(self) -> int:
+        """Return n."""
+        return int(self.points.shape[1])
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return len(self.points)
+
+    @property
+    def second_moment(self) -> FloatArray:
+        """Return `sum_i w_i xi_i xi_i^T`, shape (n, n): the identity, if the rule is any good."""
+        moment: FloatArray = (self.points.T * self.covariance_weights) @ self.points
+        return moment
+
+
+RuleFactory: TypeAlias = Callable[[int], SigmaPointRule]
+"""Makes a rule of a given dimension."""
+
+
+def unscented(
+        dimension: int, alpha: float = 1.0, beta: float = 0.0,
+        kappa: float | None = None) -> SigmaPointRule:
+    """
+    Return the unscented rule: 2n + 1 points (Julier and Uhlmann, 2004; Wan and van der Merwe).
+
+    Parameters
+    ----------
+    dimension : int
+        n.
+    alpha, beta, kappa : float
+        `lambda = alpha^2 (n + kappa) - n`. By default kappa is 3 - n, and zero where that is
+        negative: no weight is negative then. For n = 1 the default is the Gauss-Hermite rule of
+        order 3.
+
+    Raises
+    ------
+    ValueError
+        If the dimension isn't positive, or alpha or n + kappa isn't.
+
+    """
+    n = checked_count('dimension', dimension)
+    checked_positive('alpha', alpha)
+    kappa = max(3.0 - n, 0.0) if kappa is None else kappa
+    scale = checked_positive('n + kappa', n + kappa) * alpha ** 2
+    radius = math.sqrt(scale) * np.eye(n)
+    weights = np.full(2 * n + 1, 0.5 / scale)
+    weights[0] = 1.0 - n / scale
+    covariance_weights = weights.copy()
+    covariance_weights[0] += 1.0 - alpha ** 2 + beta
+    return SigmaPointRule(
+        np.vstack([np.zeros(n), radius, -radius]), weights, covariance_weights)
+
+
+def cubature(dimension: int) -> SigmaPointRule:
+    """
+    Return the third-degree spherical-radial rule: 2n points (Arasaratnam and Haykin, 2009).
+
+    Raises
+    ------
+    ValueError
+        If the dimension isn't positive.
+
+    """
+    n = checked_count('dimension', dimension)
+    radius = math.sqrt(n) * np.eye(n)
+    weights = np.full(2 * n, 0.5 / n)
+    return SigmaPointRule(np.vstack([radius, -radius]), weights, weights)
+
+
+def gauss_hermite(dimension: int, order: int = 3) -> SigmaPointRule:
+    """
+    Return the product rule of m Gauss-Hermite points in each dimension: m^n points.
+
+    It integrates every polynomial exactly whose degree in each variable is 2m - 1 or less
+    (Arasaratnam, Haykin and Elliott, 2007).
+
+    Raises
+    ------
+    ValueError
+        If the dimension or order isn't positive, or there would be too many points.
+
+    """
+    n = checked_count('dimension', dimension)
+    order = checked_count('order', order)
+    if order ** n > MOST_POINTS:
+        raise ValueError(f'order {order} in dimension {n} needs {order ** n} points, '
+                         f'more than {MOST_POINTS}')
+    nodes, weights = hermite_nodes(order)
+    points = np.array(list(itertools.product(nodes, repeat=n)))
+    products = np.array([math.prod(some) for some in itertools.product(weights, repeat=n)])
+    return SigmaPointRule(points, products, products)
+
+
+def hermite_nodes(order: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes, ascending, and weights of the Gauss-Hermite rule for N(0, 1)."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(order)
+    return nodes, weights / weights.sum()
+
+
+def pruning_threshold(dimension: int, order: int, printed: bool = False) -> float:
+    """
+    Return the weight below which a point of the product rule is pruned.
+
+    As printed it is `omega_1 omega_floor((m+1)/2) / m` [Qi2012, eq. 20], of the m ordered
+    one-dimensional weights: the smallest and the one in the middle. This is the two-dimensional
+    case of `omega_1 omega_mid / m^(n-1)`, the usual threshold of multivariate Gauss-Hermite rules
+    (Jaeckel, 2005), which is the default. Either way nothing is pruned in one dimension, where
+    the threshold is below omega_1; and the printed one leaves the centre alone from five
+    dimensions on (third order).
+    """
+    _, weights = hermite_nodes(checked_count('order', order))
+    power = 1 if printed else dimension - 1
+    return float(weights[0] * weights[(order + 1) // 2 - 1] / order ** power)
+
+
+def pruned_gauss_hermite(
+        dimension: int, order: int = 3, threshold: float | None = None,
+        regroup: bool = False, matched: bool = True) -> SigmaPointRule:
+    """
+    Return the product rule without its light points [Qi2012, section 2.1].
+
+    What is left is renormalised, and scaled so that the second moment is the identity again: the
+    rule then integrates 1, x and x x^T exactly, as far as a Kalman filter needs.
+
+    Parameters
+    ----------
+    dimension : int
+        n.
+    order : int
+        m, points in each dimension before pruning.
+    threshold : float, optional
+        Points with a smaller weight are pruned; by default `pruning_threshold(n, m)`.
+    regroup : bool
+        Whether a pruned point is replaced, as printed, by `xi_a + L (xi_a - xi)` with its weight
+        [Qi2012, eq. 21], in place of being left out; xi_a is the nearest kept point (the centroid,
+        of several), and `L = (1 / (M omega))^(1/n)` [Qi2012, eq. 22] with M points in all and the
+        weight omega of xi_a. The paper leaves open which weight is meant; with the pruned
+        point's own, the new points lie at up to 25 standard deviations. Regrouping saves nothing,
+        as the number of points stays; and it pulls them in, so that the second moment falls below
+        one and an update subtracts too little: without `matched` it is a covariance inflation in
+        disguise.
+    matched : bool
+        Whether the second moment is restored.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the centre alone would be left.
+
+    """
+    full = gauss_hermite(dimension, order)
+    if threshold is None:
+        threshold = pruning_threshold(dimension, order)
+    # Products of the same factors in another order may differ in the last digit.
+    kept = full.mean_weights >= threshold * (1 - 1e-9)
+    if regroup:
+        points, weights = full.points.copy(), full.mean_weights
+        if kept.any():
+            points[~kept] = _regrouped(full, kept)
+    else:
+        points, weights = full.points[kept], full.mean_weights[kept]
+    moment = float(weights @ points[:, 0] ** 2 / weights.sum()) if len(points) else 0.0
+    if not kept.any() or (order > 1 and moment < 1e-6):
+        raise ValueError(f'threshold {threshold:.3g} leaves no point beside the centre')
+    if matched and moment:
+        points = points / math.sqrt(moment)
+    weights = weights / weights.sum()
+    return SigmaPointRule(points, weights, weights)
+
+
+def _regrouped(rule: SigmaPointRule, kept: NDArray[np.bool_]) -> FloatArray:
+    """Return the points that take the place of those not kept [Qi2012, eqs 21 and 22]."""
+    anchors, anchor_weights = rule.points[kept], rule.mean_weights[kept]
+    replaced = []
+    for point in rule.points[~kept]:
+        distance = np.linalg.norm(anchors - point, axis=1)
+        nearest = distance <= distance.min() + 1e-9
+        anchor = anchors[nearest].mean(axis=0)
+        step = (len(rule) * anchor_weights[nearest].mean()) ** (-1 / rule.dimension)
+        replaced.append(anchor + step * (anchor - point))
+    return np.array(replaced).reshape(-1, rule.dimension)
