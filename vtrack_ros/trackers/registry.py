@@ -7,11 +7,19 @@ from typing import Any
 import numpy as np
 
 from vtrack_ros.trackers.base import Tracker
-from vtrack_ros.trackers.particle import ColourParticleFilter, GreyParticleFilter
+from vtrack_ros.trackers.mean_shift import (
+    AdaptiveBandwidthMeanShift, MeanShiftParticleFilter)
+from vtrack_ros.trackers.particle import (
+    ColourParticleFilter, GreyParticleFilter, KalmanParticleFilter, PrunedQuadratureParticleFilter,
+    QuadratureParticleFilter, UnscentedParticleFilter)
 
 _CLASSES: tuple[type[Tracker], ...] = (
-    ColourParticleFilter,
     GreyParticleFilter,
+    PrunedQuadratureParticleFilter,
+    ColourParticleFilter,
+    KalmanParticleFilter,
+    UnscentedParticleFilter,
+    QuadratureParticleFilter,
 )
 _REGISTRY = {cls.NAME: cls for cls in _CLASSES}
 

@@ -1,0 +1,88 @@
+"""Rotated ellipses as bandwidth matrices."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.geometry.box import Box
+
+#: How many bandwidths reach to the border of the ellipse [Yin2013, eq. 8].
+SIGMA = 2.5
+
+Matrix = NDArray[np.float64]
+
+
+def bandwidth_of_box(width: float, height: float) -> Matrix:
+    """Return the bandwidth matrix, shape (2, 2), of the ellipse inscribed in a box, [px^2]."""
+    return np.diag([(width / (2 * SIGMA))**2, (height / (2 * SIGMA))**2])
+
+
+def bandwidth_of_axes(major: float, minor: float, angle: float) -> Matrix:
+    """
+    Return the bandwidth matrix of an ellipse.
+
+    Parameters
+    ----------
+    major, minor : float, [px]
+        The semi-axes of the border.
+    angle : float, [rad]
+        Of the major axis, from x towards y.
+
+    Returns
+    -------
+    ndarray, shape (2, 2), [px^2]
+
+    """
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    result: Matrix = turn @ np.diag([(major / SIGMA)**2, (minor / SIGMA)**2]) @ turn.T
+    return result
+
+
+def axes_of_bandwidth(bandwidth: Matrix) -> tuple[float, float, float]:
+    """
+    Return semi-axes and angle of the ellipse of a bandwidth matrix.
+
+    The inverse of `bandwidth_of_axes` [Yin2013, eq. 10, where `h11 - h22` stands misprinted as
+    `h11 - h12`].
+
+    Parameters
+    ----------
+    bandwidth : ndarray, shape (2, 2), [px^2]
+        Symmetric and positive definite.
+
+    Returns
+    -------
+    major, minor : float, [px]
+        The semi-axes of the border.
+    angle : float, [rad]
+        Of the major axis, in (-pi / 2, pi / 2].
+
+    """
+    h11, h22, h12 = float(bandwidth[0, 0]), float(bandwidth[1, 1]), float(bandwidth[0, 1])
+    spread = math.sqrt(4 * h12**2 + (h11 - h22)**2)
+    major = SIGMA * math.sqrt((h11 + h22 + spread) / 2)
+    minor = SIGMA * math.sqrt(max((h11 + h22 - spread) / 2, 0.0))
+    return major, minor, 0.5 * math.atan2(2 * h12, h11 - h22)
+
+
+def bounds_of_bandwidth(center: tuple[float, float], bandwidth: Matrix) -> Box:
+    """Return the axis-aligned bound of the ellipse about a centre (x, y), in pixels."""
+    return Box.from_center(
+        *center, 2 * SIGMA * math.sqrt(bandwidth[0, 0]), 2 * SIGMA * math.sqrt(bandwidth[1, 1]))
+
+
+def turned(angle: float, previous: float) -> float:
+    """Return an ellipse's angle, known up to half turns, as the one nearest to a previous one."""
+    return previous + math.remainder(angle - previous, math.pi)
+
+
+def square_root(matrix: Matrix) -> Matrix:
+    """Return the symmetric square root of a symmetric positive definite matrix, shape (2, 2)."""
+    # [Levinger 1980]: (M + sqrt(det M) I) / sqrt(trace M + 2 sqrt(det M))
+    root = math.sqrt(max(float(matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]), 0.0))
+    scale = math.sqrt(float(matrix[0, 0] + matrix[1, 1]) + 2 * root)
+    result: Matrix = (matrix + root * np.eye(2)) / scale
+    return result

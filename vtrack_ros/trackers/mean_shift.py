@@ -1,0 +1,68 @@
+"""Adaptive-bandwidth mean shift with few particles (ABMSPF), and without (ABMS)."""
+
+from __future__ import annotations
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.trackers.mean_shift_evidence import EvidenceMeanShift
+from vtrack_ros.trackers.mean_shift_fusion import Settings
+
+_SHARED = ParameterTable([
+    Parameter('preset', 'default', 'What to climb on: the evidence of a discriminative model '
+              '(default), or colours as printed (paper); in force from the next target on.',
+              choices=('default', 'paper'), dynamic=False),
+    Parameter('rejected', 0.5, 'Likeness r below which the target counts as hidden.', 0.0, 1.0),
+    Parameter('growth', 0.1, 'Largest relative change of an axis in one frame (paper preset).',
+              0.0, 0.5),
+    Parameter('background', True, 'Whether colours count less that the first surroundings share '
+              '(paper preset).'),
+    Parameter('learning', 0.0, 'How fast the colours follow a target that is seen well '
+              '(paper preset).', 0.0, 1.0),
+])
+_PARTICLES = ParameterTable([
+    Parameter('particles', 20, 'Number of particles.', 1, 2000),
+    Parameter('accepted', 0.8, 'Likeness th from which mean shift is trusted.', 0.0, 1.0),
+    Parameter('region', 1.0, 'Reach of the redrawn particles, in semi-axes of the target.',
+              0.0, 5.0),
+    Parameter('inertia', 0.5, 'Share of the last step that the motion model expects again.',
+              0.0, 1.0),
+])
+
+
+class AdaptiveBandwidthMeanShift(Tracker):
+    """Mean shift with an adaptive bandwidth, the baseline of [Yin2013]: no particles."""
+
+    NAME = 'abms'
+    SUMMARY = 'adaptive-bandwidth mean shift (ABMS)'
+    PARAMETERS = _SHARED
+
+    def _configure(self) -> None:
+        values = self._parameters
+        self._settings = Settings(
+            particles=int(values.get('particles', 0)),
+            accepted=float(values.get('accepted', 0.8)),
+            rejected=float(values['rejected']), region=float(values.get('region', 0.0)),
+            inertia=float(values.get('inertia', 0.0)), growth=float(values['growth']),
+            background=bool(values['background']), learning=float(values['learning']))
+        if self._frame_shape is not None:
+            self._engine.settings = self._settings
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        self._engine = EvidenceMeanShift(self._rng, self._settings)
+        return self._engine.start(frame, box)
+
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        return self._engine.update(frame, dt)
+
+
+class MeanShiftParticleFilter(AdaptiveBandwidthMeanShift):
+    """
+    ABMSPF, adaptive-bandwidth mean shift fused with few particles [Yin2013].
+
+    """
+
+    NAME = 'abmspf'
+    SUMMARY = 'adaptive-bandwidth mean shift with particles (ABMSPF)'
+    PARAMETERS = _SHARED + _PARTICLES

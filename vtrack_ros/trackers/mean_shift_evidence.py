@@ -1,0 +1,156 @@
+"""ABMSPF's idea on strong evidence: the `default` preset."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.ellipse import SIGMA
+from vtrack_ros.trackers.base import Estimate
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget, Sighting
+from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
+
+#: Steps of a climb; by then it moves by less than a hundredth of a cell.
+_STEPS = 12
+#: Bandwidth of the last steps, in target sizes: the width of the evidence's peak.
+_FINE = 1 / 16
+#: Likelihood of evidence: what is this share of the best counts 1/e.
+_SHARPNESS = 8.0
+
+
+class EvidenceMeanShift:
+    """
+    Mean shift and few particles on a map of evidence, instead of on pixels' colours.
+
+    As in the paper [Yin2013, sec. 2], a climb from the last place gives y_ms, the best particle
+    gives y_pf, the two are fused by eqs 13-15, particles converge on the result and are redrawn
+    about it. What differs is what is climbed: not the colour histogram's weights, but the
+    evidence of a discriminative model, of which zeta is the share of its running mean. When the
+    fused place is null, the extended search starts with the best place of the window.
+
+    The bandwidth follows the size that the model's scale filter finds. The angle is 0: the second
+    moments of a foreground map turn with limbs and background rather than with the target.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    settings : Settings
+
+    """
+
+    def __init__(self, rng: np.random.Generator, settings: Settings) -> None:
+        self._rng = rng
+        self.settings = settings
+
+    def start(self, frame: Frame, box: Box) -> Estimate:
+        """Begin on a box."""
+        self._target = DiscriminativeTarget(self._rng)
+        self._target.start(frame, box.center, (box.width, box.height))
+        self._velocity = np.zeros(2)
+        covariance = np.diag([1.0, 1.0, 0.0, 0.0])
+        return self._target.estimate(covariance, particles=self._boxes(self._drawn(box.center)))
+
+    def update(self, frame: Frame, dt: float) -> Estimate:
+        """Find the target in the next frame."""
+        target, settings = self._target, self.settings
+        before = target.live
+        sighting = target.look(frame, before.center)
+        weights = evidence_weights(sighting.evidence)
+        usual = max(before.evidence_mean, 1e-6)
+        climbed = self._climbed(sighting, weights, before.center)
+        center = climbed
+        points = None
+        if settings.particles:
+            points = self._drawn(before.center) + dt * settings.inertia * self._velocity
+            scores = sighting.at(points)
+            best = points[int(scores.argmax())]
+            best = self._climbed(sighting, weights, (best[0], best[1]))
+            zeta = min(float(sighting.at(np.array([climbed]))[0]) / usual, 1.0)
+            place = fused(zeta, climbed, best, SIGMA, max(before.size) / 2, settings)
+            center = sighting.center if place is None else place
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = self._spread(sighting, center)
+        found_elsewhere = target.settle(frame, sighting, center, dt)
+        step = np.subtract(target.live.center, before.center) / dt
+        self._velocity = np.zeros(2) if found_elsewhere else (self._velocity + step) / 2
+        return target.estimate(
+            covariance, particles=None if points is None else self._boxes(points))
+
+    def _climbed(self, sighting: Sighting, weights: NDArray[np.float64], start: Point) -> Point:
+        """Climb from a place with the target's bandwidth, then with the peak's."""
+        size, cell = self._target.live.size, sighting.cell
+        coarse = np.array(size) / (2 * SIGMA) / cell
+        fine = np.maximum(np.array(size) * _FINE / cell, 0.6)
+        place = sighting.cells(np.array([start]))[0]
+        place = climb(weights, place, coarse, _STEPS)
+        place = climb(weights, place, fine, _STEPS)
+        rows, columns = weights.shape
+        x, y = (place - (columns // 2, rows // 2)) * cell + sighting.view.center
+        return float(x), float(y)
+
+    def _spread(self, sighting: Sighting, center: Point) -> NDArray[np.float64]:
+        """Return the covariance of the place under the evidence taken as a likelihood, [px^2]."""
+        rows, columns = sighting.evidence.shape
+        x, y = np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64)
+        likelihood = np.exp(_SHARPNESS * (sighting.evidence / max(sighting.peak, 1e-6) - 1))
+        at_x, at_y = sighting.cells(np.array([center]))[0]
+        x, y = (x - at_x) * sighting.cell[0], (y - at_y) * sighting.cell[1]
+        in_x, in_y = likelihood.sum(0), likelihood.sum(1)
+        total = in_x.sum()
+        cross = float(y @ likelihood @ x) / total
+        return np.array([[in_x @ x**2 / total, cross], [cross, in_y @ y**2 / total]])
+
+    def _drawn(self, center: Point) -> NDArray[np.float64]:
+        """Redraw the particles uniformly about a place [Yin2013, sec. 2.2]."""
+        size = np.array(self._target.live.size)
+        uniform = self._rng.uniform(-1.0, 1.0, (self.settings.particles, 2))
+        return np.array(center) + self.settings.region * size / 2 * uniform
+
+    def _boxes(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        size = np.broadcast_to(self._target.live.size, points.shape)
+        return np.concatenate([points, size], 1)
+
+
+def evidence_weights(evidence: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the weights that a climb on an evidence map uses: what is above its background."""
+    background = np.median(evidence)
+    return np.square(np.maximum(evidence.astype(np.float64) - background, 0.0))
+
+
+def climb(weights: NDArray[np.float64], start: NDArray[np.float64],
+          bandwidth: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """
+    Climb to a maximum of the kernel density of a weighted map by mean shift [Yin2013, eq. 2].
+
+    Parameters
+    ----------
+    weights : ndarray, shape (rows, columns)
+        Not negative.
+    start, bandwidth : ndarray, shape (2,), [cells]
+        (x, y); the Gaussian kernel is axis-aligned.
+    steps : int
+        At most so many.
+
+    Returns
+    -------
+    ndarray, shape (2,), [cells]
+
+    """
+    rows, columns = weights.shape
+    x, y = np.arange(columns), np.arange(rows)
+    place = start
+    for _ in range(steps):
+        kernel_x = np.exp(-0.5 * ((x - place[0]) / bandwidth[0])**2)
+        kernel_y = np.exp(-0.5 * ((y - place[1]) / bandwidth[1])**2)
+        in_x, in_y = (kernel_y @ weights) * kernel_x, (weights @ kernel_x) * kernel_y
+        total = in_x.sum()
+        if total <= 1e-12:
+            break
+        moved = np.array([in_x @ x / total, in_y @ y / total])
+        done = np.abs(moved - place).max() < 0.01
+        place = moved
+        if done:
+            break
+    return place
