@@ -111,15 +111,21 @@ def subcell_peak(response: NDArray[np.float32]) -> tuple[float, float, float]:
 
     """
     row, column = divmod(int(response.argmax()), response.shape[1])
+    x, y = subcell_offset(response, row, column)
+    return float(response[row, column]), column + x, row + y
+
+
+def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
+    """Return how far (x, y) a maximum is from its cell, from -0.5 to 0.5; 0 at the border."""
+    x = y = 0.0
     value = float(response[row, column])
-    x, y = float(column), float(row)
     if 0 < column < response.shape[1] - 1:
-        x += parabola_offset(float(response[row, column - 1]), value,
-                             float(response[row, column + 1]))
+        x = parabola_offset(float(response[row, column - 1]), value,
+                            float(response[row, column + 1]))
     if 0 < row < response.shape[0] - 1:
-        y += parabola_offset(float(response[row - 1, column]), value,
-                             float(response[row + 1, column]))
-    return value, x, y
+        y = parabola_offset(float(response[row - 1, column]), value,
+                            float(response[row + 1, column]))
+    return x, y
 
 
 def parabola_offset(before: float, peak: float, after: float) -> float:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame
 
+#: Boxes side by side: shape (N, 4), (centre x, centre y, width, height) in pixels.
 Boxes = NDArray[np.float64]
 
 
@@ -37,17 +38,15 @@ class ColourHistogram:
     def __init__(self, bins: int = 6, space: str = 'rgb', kernel: str = 'flat',
                  grid: int = 12) -> None:
         self.bins, self.space, self.grid = bins, space, grid
-        offsets = (np.arange(grid) + 0.5) / grid - 0.5
-        self._offsets = offsets
+        offsets = _offsets(grid)
         radius2 = 4 * (offsets[:, None]**2 + offsets[None, :]**2)
         weights = np.ones((grid, grid)) if kernel == 'flat' else np.maximum(0.0, 1 - radius2)
-        self._weights = (weights / weights.sum()).ravel()
-        self._flat = kernel == 'flat'
+        self._weights: NDArray[np.float64] = (weights / weights.sum()).ravel()
 
     def reference(self, frame: Frame, box: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the histogram of one box (cx, cy, width, height): shape (bins,), sum <= 1."""
-        histogram: NDArray[np.float64] = self._histograms(frame, box[None])[0]
-        return histogram / max(histogram.sum(), 1e-12)
+        """Return the normalised histogram of a box (cx, cy, width, height): shape (bins,)."""
+        histogram: NDArray[np.float64] = self.histograms(frame, box[None])[0]
+        return histogram / max(float(histogram.sum()), 1e-12)
 
     def coefficients(self, frame: Frame, boxes: Boxes,
                      reference: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,48 +67,140 @@ class ColourHistogram:
             In [0, 1].
 
         """
-        histograms = self._histograms(frame, boxes)
-        result: NDArray[np.float64] = np.sqrt(histograms) @ np.sqrt(reference)
+        result: NDArray[np.float64] = np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
         return result
 
-    def _histograms(self, frame: Frame, boxes: Boxes) -> NDArray[np.float64]:
-        """Return the histograms, shape (N, bins), of sum <= 1: what's outside is missing."""
-        height, width = frame.shape[:2]
-        xs = boxes[:, :1] + boxes[:, 2:3] * self._offsets
-        ys = boxes[:, 1:2] + boxes[:, 3:4] * self._offsets
-        left, right = int(max(0, xs.min())), int(min(width - 1, xs.max()))
-        top, bottom = int(max(0, ys.min())), int(min(height - 1, ys.max()))
-        levels = self.bins**3 if frame.ndim == 3 else self.bins**2
-        if right < left or bottom < top:
-            return np.zeros((len(boxes), levels))
-        stride = max(1, int(np.sqrt(boxes[:, 2].mean() * boxes[:, 3].mean()) / (2 * self.grid)))
-        index = self._bin_image(frame[top:bottom + 1:stride, left:right + 1:stride], levels)
-        columns = np.floor((xs - left) / stride).astype(np.intp)
-        rows = np.floor((ys - top) / stride).astype(np.intp)
-        inside_x = (columns >= 0) & (columns < index.shape[1])
-        inside_y = (rows >= 0) & (rows < index.shape[0])
-        np.clip(columns, 0, index.shape[1] - 1, out=columns)
-        np.clip(rows, 0, index.shape[0] - 1, out=rows)
-        flat = (rows * index.shape[1])[:, :, None] + columns[:, None, :]
-        sampled = index.ravel().take(flat)
-        if not (inside_x.all() and inside_y.all()):
-            sampled[~(inside_y[:, :, None] & inside_x[:, None, :])] = levels
-        count, points = len(boxes), self.grid**2
-        sampled = sampled.reshape(count, points) + np.arange(count)[:, None] * (levels + 1)
-        if self._flat:
-            counted = np.bincount(sampled.ravel(), minlength=count * (levels + 1)) / points
-        else:
-            counted = np.bincount(sampled.ravel(), np.tile(self._weights, count),
-                                  minlength=count * (levels + 1))
-        return counted.reshape(count, levels + 1)[:, :levels]
+    def climb(self, frame: Frame, box: NDArray[np.float64], reference: NDArray[np.float64],
+              steps: int = 8) -> NDArray[np.float64]:
+        """
+        Return the place where the box's likeness has its nearest local maximum.
 
-    def _bin_image(self, pixels: Frame, levels: int) -> NDArray[np.intp]:
+        Mean shift with the weights sqrt(q / p) (Comaniciu et al. 2003, eq. 10); the size stays.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        box : ndarray, shape (4,), [px]
+        reference : ndarray, shape (bins,)
+        steps : int
+            At most that many.
+
+        Returns
+        -------
+        ndarray, shape (4,), [px]
+
+        """
+        offsets = _offsets(self.grid)
+        box = box.copy()
+        for _ in range(steps):
+            index, left, top, stride = self._bin_image(frame, box[None])
+            if not index.size:
+                break
+            sampled = _sample(index, len(reference), _moved(box[None], left, top, stride),
+                              self.grid)[0]
+            histogram = np.bincount(sampled, self._weights, len(reference) + 1)
+            ratio = np.append(np.sqrt(reference / np.maximum(histogram[:-1], 1e-9)), 0.0)
+            weights = ratio[sampled].reshape(self.grid, self.grid)
+            total = float(weights.sum())
+            if total <= 0:
+                break
+            step = np.array([weights.sum(0) @ offsets, weights.sum(1) @ offsets]) / total * box[2:]
+            box[:2] += step
+            if np.abs(step).max() < 0.3:
+                break
+        return box
+
+    def histograms(self, frame: Frame, boxes: Boxes) -> NDArray[np.float64]:
+        """Return the histograms, shape (N, bins), of sum <= 1: what's outside is missing."""
+        index, left, top, stride = self._bin_image(frame, boxes)
+        return sampled_histograms(
+            index, self._levels(frame), _moved(boxes, left, top, stride), self.grid, self._weights)
+
+    def _levels(self, frame: Frame) -> int:
+        return self.bins**3 if frame.ndim == 3 else self.bins**2
+
+    def _bin_image(self, frame: Frame, boxes: Boxes) -> tuple[NDArray[np.intp], int, int, int]:
+        """Return the bins in the boxes' region, its left and top, and its stride in pixels."""
+        height, width = frame.shape[:2]
+        half = boxes[:, 2:] / 2
+        low, high = (boxes[:, :2] - half).min(0), (boxes[:, :2] + half).max(0)
+        left, top = (int(max(0, value)) for value in low)
+        right, bottom = int(min(width, high[0] + 1)), int(min(height, high[1] + 1))
+        stride = max(1, int(np.sqrt(boxes[:, 2].mean() * boxes[:, 3].mean()) / (2 * self.grid)))
+        pixels = np.ascontiguousarray(frame[top:max(top, bottom):stride,
+                                            left:max(left, right):stride])
+        if not pixels.size:
+            return np.zeros((0, 0), np.intp), left, top, stride
         if pixels.ndim == 2:
-            return (pixels.astype(np.intp) * levels) >> 8
-        bins = self.bins
-        pixels = np.ascontiguousarray(pixels)
+            return (pixels.astype(np.intp) * self._levels(frame)) >> 8, left, top, stride
         if self.space == 'hsv':
             pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2HSV_FULL)
-        table = (np.arange(256) * bins) >> 8
-        return (table[pixels[:, :, 0]] * bins + table[pixels[:, :, 1]]) * bins + table[
-            pixels[:, :, 2]]
+        table = (np.arange(256) * self.bins) >> 8
+        index = (table[pixels[:, :, 0]] * self.bins + table[pixels[:, :, 1]]) * self.bins
+        return index + table[pixels[:, :, 2]], left, top, stride
+
+
+def sampled_histograms(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int,
+                       weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the histogram of each box over an image of bin numbers.
+
+    Parameters
+    ----------
+    index : ndarray of intp, shape (rows, columns)
+        Below `levels`.
+    levels : int
+        The number of bins.
+    boxes : ndarray, shape (N, 4)
+        In pixels of `index`.
+    grid : int
+        Sample points along each side of a box.
+    weights : ndarray, shape (grid * grid,)
+        Of the sample points.
+
+    Returns
+    -------
+    ndarray, shape (N, levels)
+        Of sum <= 1: points outside the image are missing.
+
+    """
+    count = len(boxes)
+    if not index.size:
+        return np.zeros((count, levels))
+    sampled = _sample(index, levels, boxes, grid) + np.arange(count)[:, None] * (levels + 1)
+    size = count * (levels + 1)
+    if weights[0] == weights[-1] == weights[len(weights) // 2]:
+        counted = np.bincount(sampled.ravel(), None, size) * weights[0]
+    else:
+        counted = np.bincount(sampled.ravel(), np.tile(weights, count), size)
+    histograms: NDArray[np.float64] = counted.reshape(count, levels + 1)[:, :levels]
+    return histograms
+
+
+def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes,
+            grid: int) -> NDArray[np.intp]:
+    """Return the bins at each box's points, shape (N, grid * grid); `levels` where outside."""
+    offsets = _offsets(grid)
+    columns = np.floor(boxes[:, :1] + boxes[:, 2:3] * offsets).astype(np.intp)
+    rows = np.floor(boxes[:, 1:2] + boxes[:, 3:4] * offsets).astype(np.intp)
+    inside_x = (columns >= 0) & (columns < index.shape[1])
+    inside_y = (rows >= 0) & (rows < index.shape[0])
+    np.clip(columns, 0, index.shape[1] - 1, out=columns)
+    np.clip(rows, 0, index.shape[0] - 1, out=rows)
+    places = (rows * index.shape[1])[:, :, None] + columns[:, None, :]
+    sampled: NDArray[np.intp] = index.ravel().take(places)
+    if not (inside_x.all() and inside_y.all()):
+        sampled[~(inside_y[:, :, None] & inside_x[:, None, :])] = levels
+    return sampled.reshape(len(boxes), grid * grid)
+
+
+def _offsets(grid: int) -> NDArray[np.float64]:
+    """Return where a box's sample points are, as shares of its side from its centre."""
+    offsets: NDArray[np.float64] = (np.arange(grid) + 0.5) / grid - 0.5
+    return offsets
+
+
+def _moved(boxes: Boxes, left: int, top: int, stride: int) -> Boxes:
+    """Return the boxes in pixels of a region that begins at (left, top), every stride-th one."""
+    moved: Boxes = (boxes - np.array([left, top, 0, 0])) / stride
+    return moved

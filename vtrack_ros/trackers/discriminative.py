@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.correlation import Spectrum, subcell_peak
+from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_peak
 from vtrack_ros.appearance.foreground import box_mean
 from vtrack_ros.appearance.target import Point, TargetModel, View
 from vtrack_ros.appearance.templates import TemplateMemory
@@ -106,6 +106,23 @@ class Sighting:
                            cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
         result: NDArray[np.float64] = values[0].astype(np.float64)
         return result
+
+    def climb(self, start: Point) -> Point:
+        """Return the local maximum of the evidence that is uphill from a place, in pixels."""
+        rows, columns = self.evidence.shape
+        x, y = self.cells(np.array([start]))[0]
+        column, row = (int(min(max(round(value), 0), size - 1))
+                       for value, size in ((x, columns), (y, rows)))
+        while True:
+            top, left = max(0, row - 2), max(0, column - 2)
+            near = self.evidence[top:row + 3, left:column + 3]
+            up, across = divmod(int(near.argmax()), near.shape[1])
+            if (top + up, left + across) == (row, column):
+                break
+            row, column = top + up, left + across
+        x, y = subcell_offset(self.evidence, row, column)
+        return (self.view.center[0] + (column + x - columns // 2) * self.cell[0],
+                self.view.center[1] + (row + y - rows // 2) * self.cell[1])
 
 
 class DiscriminativeTarget:

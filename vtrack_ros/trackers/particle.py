@@ -1,111 +1,251 @@
-"""Particle filters over boxes: the colour particle filter and GMPF."""
+"""Particle filters over boxes: one tracker, six proposals."""
 
 from __future__ import annotations
 
-from collections import deque
+from abc import abstractmethod
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.histogram import ColourHistogram
+from vtrack_ros.appearance.fusion import FUSION_RULES
+from vtrack_ros.estimation import (
+    ConstantVelocity, GaussianNoise, GreyProposal, ParticleFilter, PriorProposal, Proposal)
+from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
+from vtrack_ros.estimation.kalman import KalmanFilter
+from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
+from vtrack_ros.estimation.sigma_points import gauss_hermite, pruned_gauss_hermite, unscented
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget
+from vtrack_ros.trackers.discriminative_observation import DiscriminativeObservation
+from vtrack_ros.trackers.observation import Conclusion, CueObservation, Observation
 
-_SHARED = ParameterTable([
+Array = NDArray[np.float64]
+
+_VELOCITIES = {2: 0, 3: 1}
+
+PARTICLE_PARAMETERS = ParameterTable([
+    Parameter('preset', 'default', 'The paper\'s own cues, or the strongest that there are; in '
+              'force at the next start.', choices=('default', 'paper')),
     Parameter('particles', 150, 'Number of particles.', 2, 5000),
-    Parameter('sigma', 0.12, 'Width of the colour likelihood exp(-(1 - rho) / (2 sigma^2)).',
-              0.01, 1.0),
-    Parameter('position_noise', 0.10, 'Random step of the centre a frame, as a share of the '
-              'target size.', 0.0, 2.0),
-    Parameter('size_noise', 0.015, 'Random relative change of the size a frame.', 0.0, 0.5),
+    Parameter('acceleration', 0.1, 'Standard deviation of the change of velocity a frame, as a '
+              'share of the target\'s mean side.', 0.001, 2.0),
+    Parameter('size_noise', 0.02, 'Standard deviation of the change of size a frame, as a share '
+              'of the mean side (paper preset).', 0.001, 0.5),
+    Parameter('cues', 'colour', 'Cues of the paper preset.',
+              choices=('colour', 'colour+motion_edge')),
+    Parameter('fusion', 'dempster_shafer', 'How the cues are fused (paper preset).',
+              choices=tuple(FUSION_RULES)),
+    Parameter('sigma', 0.12, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)) (paper '
+              'preset).', 0.01, 1.0),
+    Parameter('temperature', 0.1, 'Share of the usual evidence that makes a factor of e in the '
+              'likelihood (default preset).', 0.01, 1.0),
+    Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
+              'proposal.', choices=('simplified', 'full')),
+    Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this share '
+              'of the particles.', 0.0, 1.0),
 ])
 
 
-class ColourParticleFilter(Tracker):
-    """The colour particle filter (Condensation), the baseline of [Zhu2012, sec. 5]."""
+class ParticleTracker(Tracker):
+    """
+    A particle filter over the target's box.
 
-    NAME = 'pf'
-    SUMMARY = 'colour particle filter (Condensation)'
-    PARAMETERS = _SHARED
+    The state is (cx, cy, vx, vy), and (w, h) beside it in the paper preset, in pixels and frames;
+    it moves at nearly constant velocity [Zhu2012, eq. 19]. In the default preset the size is the
+    scale filter's. A subclass gives the proposal.
+    """
+
+    PARAMETERS = PARTICLE_PARAMETERS
+    _kernel = 'flat'
+
+    @abstractmethod
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        """Return the proposal for a model of motion."""
 
     def _configure(self) -> None:
-        self._histogram = ColourHistogram()
+        if self._frame_shape is None:
+            return
+        self._side = 0.0  # the model of motion and the filter are made anew
+        if isinstance(self._observation, CueObservation):
+            self._observation.sigma = float(self._parameters['sigma'])
+            self._observation.fusion = str(self._parameters['fusion'])
+        elif isinstance(self._observation, DiscriminativeObservation):
+            self._observation.temperature = float(self._parameters['temperature'])
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        cx, cy = box.center
-        self._mean = np.array([cx, cy, 0.0, 0.0, box.width, box.height])
-        self._start_size = self._mean[4:].copy()
-        self._reference = self._histogram.reference(frame, self._mean[[0, 1, 4, 5]])
-        self._particles = np.repeat(self._mean[None], int(self._parameters['particles']), 0)
-        self._history: deque[NDArray[np.float64]] = deque([self._mean], maxlen=20)
-        return self._estimate(self._particles, np.full(len(self._particles), 1.0), 1.0)
-
-    def _propose(self, dt: float) -> NDArray[np.float64]:
-        n = int(self._parameters['particles'])
-        previous = self._particles[self._rng.integers(0, len(self._particles), n)] if (
-            len(self._particles) != n) else self._particles
-        states = previous.copy()
-        states[:, :2] += dt * states[:, 2:4]
-        return self._diffuse(states, dt)
-
-    def _diffuse(self, states: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        size = np.sqrt(np.prod(self._mean[4:]))
-        noise = self._rng.standard_normal((len(states), 4)) * np.sqrt(dt)
-        states[:, :2] += float(self._parameters['position_noise']) * size * noise[:, :2]
-        states[:, 4:] *= np.exp(float(self._parameters['size_noise']) * noise[:, 2:])
-        np.clip(states[:, 4:], 0.3 * self._start_size, 4 * self._start_size, out=states[:, 4:])
-        return states
+        parameters = self._parameters
+        if parameters['preset'] == 'paper':
+            self._observation: Observation = CueObservation(
+                str(parameters['cues']), str(parameters['fusion']), float(parameters['sigma']),
+                self._kernel)
+        else:
+            self._observation = DiscriminativeObservation(
+                DiscriminativeTarget(self._rng), float(parameters['temperature']))
+        self._box = np.array([*box.center, box.width, box.height])
+        self._observation.start(frame, self._box)
+        self._side = 0.0
+        self._restart()
+        return self._estimate(
+            Conclusion(self._box, 1.0, TrackState.TRACKING), np.zeros((4, 4)), self._boxes(
+                self._filter.belief.states))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        states = self._propose(dt)
-        rho = self._histogram.coefficients(frame, states[:, [0, 1, 4, 5]], self._reference)
-        sigma = float(self._parameters['sigma'])
-        log_weights = -(1 - rho) / (2 * sigma**2)
-        weights = np.exp(log_weights - log_weights.max())
-        weights /= weights.sum()
-        previous = self._mean
-        self._mean = weights @ states
-        self._mean[2:4] = 0.5 * self._mean[2:4] + 0.5 * (self._mean[:2] - previous[:2]) / dt
-        self._history.append(self._mean)
-        estimate = self._estimate(states, weights, float(weights @ rho))
-        ladder = (self._rng.random() + np.arange(len(states))) / len(states)
-        picked = np.searchsorted(np.cumsum(weights), ladder).clip(max=len(states) - 1)
-        self._particles = states[picked]
-        self._particles[:, 2:4] = self._mean[2:4]
-        return estimate
+        self._adapt()
+        belief = self._filter.belief
+        predicted = self._box.copy()
+        predicted[:2] += dt * belief.mean[2:4]
+        measured = self._observation.look(frame, self._box, predicted)
+        center, error = None, None
+        if measured is not None:
+            center, error = measured.center, GaussianNoise.from_covariance(measured.covariance)
+        step = self._filter.step(
+            center, dt, lambda states: self._observation.log_likelihood(self._boxes(states)),
+            error)
+        boxes = self._boxes(step.belief.states)
+        mean = step.belief.weights.values @ boxes
+        conclusion = self._observation.conclude(frame, mean, dt)
+        self._box = conclusion.box
+        if conclusion.jumped:
+            self._restart()
+        else:
+            self._correct(conclusion.box)
+        spread = (boxes - mean) * step.belief.weights.values[:, None]
+        return self._estimate(conclusion, spread.T @ (boxes - mean), boxes)
 
-    def _estimate(self, states: NDArray[np.float64], weights: NDArray[np.float64],
-                  confidence: float) -> Estimate:
-        boxes = states[:, [0, 1, 4, 5]]
-        mean = self._mean[[0, 1, 4, 5]]
-        spread = boxes - mean
-        covariance = (spread * (weights / weights.sum())[:, None]).T @ spread
-        covariance += np.diag((0.02 * mean[[2, 3, 2, 3]])**2)
+    def _adapt(self) -> None:
+        """Make the model of motion anew when the target's size, or a parameter, has changed."""
+        side = float(np.sqrt(self._box[2] * self._box[3]))
+        if self._side and abs(side - self._side) < 0.1 * self._side:
+            return
+        belief = self._filter.belief
+        self._filter = self._create_filter(side)
+        self._filter.belief = belief
+        if len(belief) != self._filter.particles:
+            picked = self._rng.choice(len(belief), self._filter.particles, p=belief.weights.values)
+            self._filter.set_particles(belief.states[picked])
+
+    def _create_filter(self, side: float) -> ParticleFilter:
+        parameters = self._parameters
+        self._side = side
+        model = ConstantVelocity(
+            2, 2 if self._observation.sized else 0,
+            (float(parameters['acceleration']) * side)**2,
+            (float(parameters['size_noise']) * side)**2)
+        return ParticleFilter(
+            model, self._proposal(model), particles=int(parameters['particles']),
+            threshold=float(parameters['threshold']), weighting=str(parameters['weighting']),
+            rng=self._rng)
+
+    def _restart(self) -> None:
+        """Put the particles about the box, at rest."""
+        side = float(np.sqrt(self._box[2] * self._box[3]))
+        self._filter = self._create_filter(side)
+        mean = np.array([*self._box[:2], 0.0, 0.0, *self._box[2:]])
+        spread = np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02]) * side
+        n = self._filter.model.state_dimension
+        self._filter.start(mean[:n], np.diag(spread[:n]**2))
+
+    def _correct(self, box: Array) -> None:
+        """Let the forecast build on the concluded place, not on the particles' mean."""
+        belief = self._filter.belief
+        if belief.estimates and not self._observation.sized:
+            latest = belief.estimates[-1].copy()
+            latest[:2] = box[:2]
+            self._filter.belief = replace(belief, estimates=(*belief.estimates[:-1], latest))
+
+    def _boxes(self, states: Array) -> Array:
+        """Return the states' boxes, shape (N, 4)."""
+        boxes = np.empty((len(states), 4))
+        boxes[:, :2] = states[:, :2]
+        boxes[:, 2:] = states[:, 4:] if self._observation.sized else self._box[2:]
+        return boxes
+
+    def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
+        center_x, center_y, width, height = conclusion.box
+        observation = self._observation
+        error = np.array([observation.center_error] * 2 + [observation.size_error] * 2)
+        floor = np.diag(error**2 * width * height)
         return Estimate(
-            box=Box.from_center(*mean), angle=0.0, covariance=covariance,
-            confidence=confidence, particles=boxes,
-            state=TrackState.TRACKING if confidence > 0.5 else TrackState.SEARCHING)
+            box=Box.from_center(center_x, center_y, width, height), angle=0.0,
+            covariance=covariance + floor, confidence=conclusion.confidence,
+            state=conclusion.state, particles=boxes)
 
 
-class GreyParticleFilter(ColourParticleFilter):
-    """GMPF, the grey-prediction particle filter [Zhu2012]."""
+class ColourParticleFilter(ParticleTracker):
+    """PF: the transition prior as the proposal (Condensation), the papers' baseline."""
+
+    NAME = 'pf'
+    SUMMARY = 'particle filter (Condensation), the baseline of the papers'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return PriorProposal()
+
+
+class GreyParticleFilter(ParticleTracker):
+    """GMPF: a grey forecast of the past estimates as the proposal [Zhu2012]."""
 
     NAME = 'gmpf'
     SUMMARY = 'grey-prediction particle filter (GMPF)'
-    PARAMETERS = _SHARED + ParameterTable([
+    PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
         Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
                   unit='frames'),
+        Parameter('floor', 1.0, 'How much of the process noise is added to the proposal\'s '
+                  'covariance.', 0.001, 100.0),
     ])
 
-    def _propose(self, dt: float) -> NDArray[np.float64]:
-        window = int(self._parameters['window'])
-        if len(self._history) < window:
-            return super()._propose(dt)
-        series = np.array(self._history)[-window:]
-        slope = (series[-1] - series[0]) / (window - 1)
-        forecast = series[-1] + slope * dt
-        n = int(self._parameters['particles'])
-        states = np.repeat(forecast[None], n, 0)
-        return self._diffuse(states, dt)
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return GreyProposal(int(self._parameters['window']), float(self._parameters['floor']),
+                            velocities=_VELOCITIES)
+
+
+class KalmanParticleFilter(ParticleTracker):
+    """KPF: a Kalman filter for each particle as the proposal [Zhu2012, sec. 5]."""
+
+    NAME = 'kpf'
+    SUMMARY = 'Kalman particle filter (KPF)'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return GaussianFilterProposal(KalmanFilter(model))
+
+
+class UnscentedParticleFilter(ParticleTracker):
+    """UPF: an unscented Kalman filter for each particle as the proposal [Zhu2012, sec. 5]."""
+
+    NAME = 'upf'
+    SUMMARY = 'unscented particle filter (UPF)'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return GaussianFilterProposal(SigmaPointFilter(model, unscented))
+
+
+class QuadratureParticleFilter(ParticleTracker):
+    """QKPF: a quadrature Kalman filter for each particle as the proposal [Qi2012]."""
+
+    NAME = 'qkpf'
+    SUMMARY = 'quadrature Kalman particle filter (QKPF)'
+    PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
+        Parameter('cues', 'colour+motion_edge', 'Cues of the paper preset.',
+                  choices=('colour', 'colour+motion_edge')),
+        Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
+    ])
+    _kernel = 'epanechnikov'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        rule = partial(gauss_hermite, order=int(self._parameters['order']))
+        return GaussianFilterProposal(SigmaPointFilter(model, rule))
+
+
+class PrunedQuadratureParticleFilter(QuadratureParticleFilter):
+    """P-QKPF: the quadrature filter without its light points [Qi2012, eqs 20-22]."""
+
+    NAME = 'pqkpf'
+    SUMMARY = 'pruned quadrature Kalman particle filter (P-QKPF)'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        rule = partial(pruned_gauss_hermite, order=int(self._parameters['order']))
+        return GaussianFilterProposal(SigmaPointFilter(model, rule))

@@ -1,0 +1,97 @@
+"""Fusing what several cues say about many hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: No hypothesis is impossible: the smallest mass that a weight is left with.
+_LEAST = 1e-12
+
+
+def reliability(likelihoods: Array) -> Array:
+    """
+    Return each cue's reliability: its contrast over the hypotheses.
+
+    A cue that gives all hypotheses the same likelihood tells nothing about them.
+
+    Parameters
+    ----------
+    likelihoods : ndarray, shape (cues, N)
+        In [0, 1]; a row of NaN is a cue that abstains.
+
+    Returns
+    -------
+    ndarray, shape (cues,)
+        1 - mean / maximum, in [0, 1]; 0 for a cue that abstains.
+
+    """
+    highest = likelihoods.max(axis=1)
+    contrast = 1 - likelihoods.mean(axis=1) / np.maximum(highest, _LEAST)
+    result: Array = np.nan_to_num(contrast, nan=0.0)
+    return result
+
+
+def product(likelihoods: Array, reliabilities: Array) -> Array:
+    """Return the log of the product, shape (N,); a cue of reliability 0 is left out."""
+    heard = likelihoods[reliabilities > 0]
+    result: Array = np.log(np.maximum(heard, _LEAST)).sum(axis=0)
+    return result
+
+
+def weighted_sum(likelihoods: Array, reliabilities: Array) -> Array:
+    """Return the log of the mean that the reliabilities weight, shape (N,)."""
+    heard = reliabilities > 0
+    total = reliabilities[heard] @ likelihoods[heard]
+    result: Array = np.log(np.maximum(total / max(reliabilities[heard].sum(), _LEAST), _LEAST))
+    return result
+
+
+def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
+    """
+    Combine the cues by Dempster's rule, hypothesis by hypothesis.
+
+    For each hypothesis the frame of discernment is {target, other}. A cue of likelihood p and
+    reliability r has the masses r p for target, r (1 - p) for other and 1 - r for not knowing
+    (Shafer's discounting). [Qi2012, eq. 18] prints a denominator with which the second cue
+    cancels; for r = 1 this is what the rule gives, `p q / (p q + (1 - p)(1 - q))`.
+
+    Parameters
+    ----------
+    likelihoods : ndarray, shape (cues, N)
+        In [0, 1].
+    reliabilities : ndarray, shape (cues,)
+        In [0, 1].
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        The log of the pignistic probability of target: its mass and half of the unknown.
+
+    """
+    target = np.zeros(likelihoods.shape[1])
+    other = np.zeros(likelihoods.shape[1])
+    unknown = np.ones(likelihoods.shape[1])
+    for likelihood, trust in zip(likelihoods, reliabilities):
+        if trust <= 0:
+            continue
+        # a little doubt is left, or two certain cues that contradict each other divide by zero
+        trust = min(trust, 0.99)
+        for_target, for_other, for_unknown = trust * likelihood, trust * (1 - likelihood), 1 - trust
+        target, other, unknown = (
+            target * (for_target + for_unknown) + unknown * for_target,
+            other * (for_other + for_unknown) + unknown * for_other,
+            unknown * for_unknown)
+        agreement = target + other + unknown
+        target, other, unknown = target / agreement, other / agreement, unknown / agreement
+    result: Array = np.log(np.maximum(target + unknown / 2, _LEAST))
+    return result
+
+
+#: How to fuse, by name: functions of likelihoods (cues, N) and reliabilities (cues,).
+FUSION_RULES: dict[str, Callable[[Array, Array], Array]] = {
+    'dempster_shafer': dempster_shafer, 'product': product, 'sum': weighted_sum}

@@ -1,0 +1,122 @@
+"""Histograms of the direction of moving edges."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.histogram import Boxes, sampled_histograms
+from vtrack_ros.frame import Frame
+
+_DIRECTIONS = 16
+#: Gradient of the difference, |gx| + |gy|, that makes an edge [Qi2012, eq. 12].
+_EDGE = 5
+#: A target with a smaller share of edges is taken for standing still.
+_MOVING = 0.05
+#: Side of the image in which the camera's motion is measured.
+_SHIFT_SIDE = 64
+
+
+class MotionEdge:
+    """
+    The motion-edge cue [Qi2012, eqs 9-14].
+
+    The difference of two frames is differentiated, and the directions of its edges are counted
+    over each box, with one more bin for points without an edge. The frames are first aligned by
+    the global shift between them, so that a moving camera doesn't make everything move.
+
+    Parameters
+    ----------
+    grid : int
+        Sample points along each side of a box.
+    rate : float
+        The share by which the reference follows the target in each frame that it moves in.
+
+    """
+
+    def __init__(self, grid: int = 12, rate: float = 0.1) -> None:
+        self.grid, self.rate = grid, rate
+        self._weights = np.full(grid * grid, 1 / grid**2)
+        self._previous: Frame | None = None
+        self._codes: NDArray[np.intp] | None = None
+        self._reference: NDArray[np.float64] | None = None
+        self._origin = (0, 0)
+
+    def advance(self, frame: Frame, region: tuple[int, int, int, int]) -> None:
+        """
+        Take the next frame; only a region of it is looked at.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        region : tuple of int, [px]
+            (left, top, right, bottom), inside the frame.
+
+        """
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
+        self._codes = None
+        if self._previous is not None:
+            self._codes = self._edges(self._previous, grey, region)
+            self._origin = region[:2]
+        self._previous = grey
+
+    def likelihoods(self, boxes: Boxes, sigma: float) -> NDArray[np.float64]:
+        """
+        Return exp(-D^2 / (2 sigma^2)) for each box (centre x, centre y, width, height).
+
+        All NaN, an abstention, while the target stands still or was never seen moving.
+        """
+        if self._codes is None or self._reference is None:
+            return np.full(len(boxes), np.nan)
+        histograms = self._histograms(boxes)
+        if histograms[:, :_DIRECTIONS].sum(axis=1).max() < _MOVING:
+            return np.full(len(boxes), np.nan)
+        distance2 = 1 - np.sqrt(histograms) @ np.sqrt(self._reference)
+        result: NDArray[np.float64] = np.exp(-distance2 / (2 * sigma**2))
+        return result
+
+    def learn(self, box: NDArray[np.float64]) -> None:
+        """Take the edges in a box (cx, cy, width, height) for the target's, if it moves."""
+        if self._codes is None:
+            return
+        histogram = self._histograms(box[None])[0]
+        if histogram[:_DIRECTIONS].sum() < _MOVING:
+            return
+        histogram /= histogram.sum()
+        if self._reference is None:
+            self._reference = histogram
+        self._reference = self._reference + self.rate * (histogram - self._reference)
+
+    def _histograms(self, boxes: Boxes) -> NDArray[np.float64]:
+        assert self._codes is not None
+        moved = boxes - np.array([*self._origin, 0, 0])
+        return sampled_histograms(self._codes, _DIRECTIONS + 1, moved, self.grid, self._weights)
+
+    def _edges(self, previous: Frame, grey: Frame,
+               region: tuple[int, int, int, int]) -> NDArray[np.intp]:
+        """Return each pixel's direction code, 0 to 15, or 16 where there is no edge."""
+        left, top, right, bottom = region
+        shift_x, shift_y = _global_shift(previous, grey)
+        matrix = np.array([[1.0, 0.0, left - shift_x], [0.0, 1.0, top - shift_y]])
+        aligned = cv2.warpAffine(
+            previous, matrix, (right - left, bottom - top),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE)
+        difference = cv2.absdiff(np.ascontiguousarray(grey[top:bottom, left:right]), aligned)
+        along_x = cv2.Sobel(difference, cv2.CV_32F, 1, 0, ksize=3, scale=0.25)
+        along_y = cv2.Sobel(difference, cv2.CV_32F, 0, 1, ksize=3, scale=0.25)
+        angle = cv2.phase(along_x, along_y)
+        codes = (angle * (_DIRECTIONS / (2 * np.pi))).astype(np.intp) % _DIRECTIONS
+        codes[np.abs(along_x) + np.abs(along_y) <= _EDGE] = _DIRECTIONS
+        return codes
+
+
+def _global_shift(previous: Frame, grey: Frame) -> tuple[float, float]:
+    """Return by how much the picture moved (x, y), in pixels, where that's plain to see."""
+    small = [cv2.resize(image, (_SHIFT_SIDE, _SHIFT_SIDE), interpolation=cv2.INTER_AREA
+                        ).astype(np.float32) for image in (previous, grey)]
+    window = cv2.createHanningWindow((_SHIFT_SIDE, _SHIFT_SIDE), cv2.CV_32F)
+    (x, y), response = cv2.phaseCorrelate(small[0], small[1], window)
+    if response < 0.2:
+        return 0.0, 0.0
+    return x * grey.shape[1] / _SHIFT_SIDE, y * grey.shape[0] / _SHIFT_SIDE

@@ -1,0 +1,72 @@
+"""A discriminative target as the evidence of a particle filter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vtrack_ros.appearance.histogram import Boxes
+from vtrack_ros.frame import Frame
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget, Sighting
+from vtrack_ros.trackers.observation import Array, Conclusion, Measurement, Observation
+
+#: Error of the measured centre, as a share of the target's mean side, where it's seen well.
+_MEASURED_ERROR = 0.05
+#: The window lies this far on the way from the last place to the predicted one.
+_LEAD = 0.5
+
+
+class DiscriminativeObservation(Observation):
+    """
+    The evidence map of a `DiscriminativeTarget`.
+
+    The particles decide for a mode of the evidence, and the mode's own maximum is the estimate:
+    a weighted mean is no more exact than the particles are dense.
+
+    Parameters
+    ----------
+    target : DiscriminativeTarget
+    temperature : float
+        Share of the usual evidence that makes a factor of e in the likelihood.
+
+    """
+
+    sized = False
+    center_error, size_error = 0.06, 0.09
+
+    def __init__(self, target: DiscriminativeTarget, temperature: float) -> None:
+        self.target = target
+        self.temperature = temperature
+        self._sighting: Sighting | None = None
+
+    def start(self, frame: Frame, box: Array) -> None:
+        """Begin on a box."""
+        x, y, width, height = (float(value) for value in box)
+        self.target.start(frame, (x, y), (width, height))
+
+    def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
+        """Make the evidence map; the measured centre is its maximum."""
+        x, y = box[:2] + _LEAD * (predicted[:2] - box[:2])
+        self._sighting = self.target.look(frame, (float(x), float(y)))
+        if self.target.out_of_sight_frames:
+            return None
+        usual = max(self.target.live.evidence_mean, 1e-6)
+        quality = min(max(self._sighting.peak / usual, 0.2), 1.0)
+        error = _MEASURED_ERROR * np.sqrt(box[2] * box[3]) / quality
+        return Measurement(np.array(self._sighting.center), error**2 * np.eye(2))
+
+    def log_likelihood(self, boxes: Boxes) -> Array:
+        """Return the evidence at the centres, on the scale of the temperature."""
+        assert self._sighting is not None
+        usual = max(self.target.live.evidence_mean, 1e-6)
+        evidence = self._sighting.at(boxes[:, :2])
+        result: Array = (evidence - self._sighting.peak) / (self.temperature * usual)
+        return result
+
+    def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
+        """Settle on the evidence's maximum next to the particles' mean."""
+        assert self._sighting is not None
+        center = self._sighting.climb((float(box[0]), float(box[1])))
+        jumped = self.target.settle(frame, self._sighting, center, dt)
+        live = self.target.live
+        return Conclusion(np.array([*live.center, *live.size]), self.target.confidence,
+                          self.target.state, jumped)

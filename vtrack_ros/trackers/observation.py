@@ -1,0 +1,196 @@
+"""What a particle filter over boxes sees of a frame."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.fusion import FUSION_RULES, reliability
+from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
+from vtrack_ros.appearance.motion_edge import MotionEdge
+from vtrack_ros.frame import Frame
+from vtrack_ros.trackers.base import TrackState
+
+Array = NDArray[np.float64]
+
+_SEARCHING_BELOW = 0.5
+_LOST_FRAMES = 30
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """
+    A measured centre.
+
+    Parameters
+    ----------
+    center : ndarray, shape (2,), [px]
+    covariance : ndarray, shape (2, 2), [px^2]
+
+    """
+
+    center: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """
+    Where the target is taken to be, after the particles have been weighted.
+
+    Parameters
+    ----------
+    box : ndarray, shape (4,), [px]
+        (centre x, centre y, width, height).
+    confidence : float
+        In [0, 1].
+    state : TrackState
+    jumped : bool
+        Whether it was found elsewhere, so that the particles have to follow.
+
+    """
+
+    box: Array
+    confidence: float
+    state: TrackState
+    jumped: bool = False
+
+
+class Observation(ABC):
+    """A frame's evidence, looked at in three steps: measure, score the particles, conclude."""
+
+    #: Whether the particles have sizes of their own.
+    sized: bool
+    #: Standard deviations of centre and size that the particles don't know of, as shares of the
+    #: target's mean side.
+    center_error: float
+    size_error: float
+
+    @abstractmethod
+    def start(self, frame: Frame, box: Array) -> None:
+        """Begin on a box, shape (4,)."""
+
+    @abstractmethod
+    def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
+        """
+        Look at a frame.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+        box, predicted : ndarray, shape (4,), [px]
+            The box in the last frame, and where it should be now.
+
+        Returns
+        -------
+        Measurement or None
+            For proposals that use one; None where nothing can be measured.
+
+        """
+
+    @abstractmethod
+    def log_likelihood(self, boxes: Boxes) -> Array:
+        """Return log p(frame | box) up to a constant for boxes (N, 4), shape (N,)."""
+
+    @abstractmethod
+    def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
+        """Learn from the frame, given the particles' mean box, and say what came out."""
+
+
+class CueObservation(Observation):
+    """
+    The papers' cues: a colour histogram, and moving edges beside it.
+
+    The measured centre, of which the papers don't say what it is in video, is the local maximum
+    of the colour likeness next to the prediction; its error grows as the likeness falls.
+
+    Parameters
+    ----------
+    cues : str
+        ``'colour'`` or ``'colour+motion_edge'``.
+    fusion : str
+        A name in `FUSION_RULES`.
+    sigma : float
+        Of the likelihood exp(-(1 - rho) / (2 sigma^2)).
+    kernel : str
+        Of the colour histogram.
+
+    """
+
+    sized = True
+    center_error, size_error = 0.05, 0.08
+
+    def __init__(self, cues: str, fusion: str, sigma: float, kernel: str) -> None:
+        self.fusion, self.sigma = fusion, sigma
+        self._colour = ColourHistogram(kernel=kernel)
+        self._edges = MotionEdge() if 'motion_edge' in cues else None
+
+    def start(self, frame: Frame, box: Array) -> None:
+        """Take the box's histogram for the reference."""
+        self._first = box.copy()
+        self._frame = frame
+        self._reference = self._colour.reference(frame, box)
+        shifts = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+        around = np.tile(box, (len(shifts), 1))
+        around[:, :2] += 1.2 * shifts * box[2:]
+        self._floor = float(np.median(
+            self._colour.coefficients(frame, around, self._reference)))
+        self._floor = min(self._floor, 0.9)
+        self._unseen_frames = 0
+        self._look_at_edges(frame, box)
+
+    def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
+        """Climb to the local maximum of the colour likeness."""
+        self._frame = frame
+        self._look_at_edges(frame, predicted)
+        top = self._colour.climb(frame, predicted, self._reference)
+        rho = float(self._colour.coefficients(frame, top[None], self._reference)[0])
+        if rho < self._floor:
+            return None
+        error = (0.05 + 0.5 * (1 - rho)) * np.sqrt(box[2] * box[3])
+        return Measurement(top[:2], error**2 * np.eye(2))
+
+    def log_likelihood(self, boxes: Boxes) -> Array:
+        """Score colour, and moving edges beside it, fused by the chosen rule."""
+        size_ratio = boxes[:, 2:] / self._first[2:]
+        possible = ((size_ratio > 0.2) & (size_ratio < 5)).all(axis=1)
+        scored = np.where(possible[:, None], boxes, self._first)
+        rho = self._colour.coefficients(self._frame, scored, self._reference)
+        exponent = (rho - 1) / (2 * self.sigma**2)
+        if self._edges is None:
+            result = exponent
+        else:
+            likelihoods = np.stack([np.exp(exponent - exponent.max()),
+                                    self._edges.likelihoods(scored, self.sigma)])
+            best = np.nanmax(likelihoods[1]) if np.isfinite(likelihoods[1]).any() else 1.0
+            likelihoods[1] /= best
+            result = FUSION_RULES[self.fusion](likelihoods, reliability(likelihoods))
+        return np.where(possible, result, -np.inf)
+
+    def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
+        """Compare the mean box with the reference."""
+        rho = float(self._colour.coefficients(frame, box[None], self._reference)[0])
+        likeness = (rho - self._floor) / (1 - self._floor)
+        confidence = float(1 / (1 + np.exp(-(likeness - 0.45) / 0.1)))
+        if self._edges is not None:
+            self._edges.learn(box)
+        self._unseen_frames = self._unseen_frames + 1 if confidence < _SEARCHING_BELOW else 0
+        state = TrackState.TRACKING
+        if self._unseen_frames:
+            state = TrackState.SEARCHING
+        if self._unseen_frames > _LOST_FRAMES:
+            state = TrackState.LOST
+        return Conclusion(box, confidence, state)
+
+    def _look_at_edges(self, frame: Frame, box: Array) -> None:
+        if self._edges is None:
+            return
+        height, width = frame.shape[:2]
+        low, high = box[:2] - 1.5 * box[2:], box[:2] + 1.5 * box[2:]
+        left, top = int(np.clip(low[0], 0, width - 1)), int(np.clip(low[1], 0, height - 1))
+        right = int(np.clip(high[0], left + 1, width))
+        bottom = int(np.clip(high[1], top + 1, height))
+        self._edges.advance(frame, (left, top, right, bottom))
