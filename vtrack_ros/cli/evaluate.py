@@ -12,9 +12,12 @@ from vtrack_ros.evaluation.document import write_json
 from vtrack_ros.evaluation.evaluating import evaluate
 from vtrack_ros.evaluation.progress import ProgressBar
 from vtrack_ros.evaluation.results import Problem, Results
-from vtrack_ros.evaluation.sequences import find_sequences, Sequence, SequenceError
+from vtrack_ros.evaluation.scene_sequence import scene_sequence
+from vtrack_ros.evaluation.sequences import (
+    find_sequences, Sequence, SequenceError, uniquely_named)
 from vtrack_ros.evaluation.table import sequence_table, summary_table
 from vtrack_ros.evaluation.variants import parse_variants
+from vtrack_ros.scenes import scene_names
 
 SUMMARY = 'compare trackers on bags and image folders with ground truth'
 
@@ -31,6 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--topic', help='the image topic of the bags, where there are several')
     parser.add_argument('--sequences', type=Path, metavar='DIR',
                         help='a folder of sequences, each with img/ and groundtruth_rect.txt')
+    parser.add_argument('--scenes', metavar='A,B,...',
+                        help='scenes as vtrack synth renders them, or all')
     parser.add_argument('--seeds', type=_positive, default=1, metavar='K',
                         help='how many seeds, from 0 on (default 1)')
     parser.add_argument('--jobs', type=_positive, metavar='J',
@@ -91,8 +96,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:
-    if arguments.sequences is None and not arguments.bags:
-        raise ValueError('nothing to evaluate on: give --sequences DIR or --bags PATH')
+    if arguments.sequences is None and not arguments.bags and not arguments.scenes:
+        raise ValueError(
+            'nothing to evaluate on: give --sequences DIR, --bags PATH or --scenes NAME')
     found: list[Sequence] = []
     broken: dict[str, str] = {}
     if arguments.sequences is not None:
@@ -104,7 +110,10 @@ def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Prob
             found.append(read_bag(path, arguments.topic))
         except SequenceError as error:
             broken[str(path)] = str(error)
-    return found, [Problem(name, '', text) for name, text in broken.items()]
+    if arguments.scenes:
+        names = scene_names() if arguments.scenes == 'all' else arguments.scenes.split(',')
+        found.extend(scene_sequence(name.strip()) for name in names)
+    return uniquely_named(found), [Problem(name, '', text) for name, text in broken.items()]
 
 
 def _print(results: Results) -> None:

@@ -16,7 +16,8 @@ import cv2
 from vtrack_ros.evaluation.cache import run_key, RunCache
 from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.running import Run, run_tracker
-from vtrack_ros.evaluation.sequences import find_sequences, Sequence, SequenceError
+from vtrack_ros.evaluation.sequences import (
+    find_sequences, Sequence, SequenceError, uniquely_named)
 from vtrack_ros.evaluation.variants import TrackerVariant, variants
 from vtrack_ros.frame import Frame
 
@@ -86,7 +87,7 @@ def evaluate(
     if isinstance(sequences, (str, Path)):
         found, broken = find_sequences(Path(sequences))
     else:
-        found = list(sequences)
+        found = uniquely_named(sequences)
     results = Results(found, chosen, numbers)
     results.problems.extend(Problem(name, '', text) for name, text in broken.items())
     wanted = [Task(sequence, variant, numbers[:1] if variant.deterministic else numbers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import hashlib
 from pathlib import Path
 
@@ -240,6 +240,17 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
         raise SequenceError(
             f'{root}: no sequences; expected folders with img/ and groundtruth_rect.txt')
     return sequences, broken
+
+
+def uniquely_named(sequences: Iterable[Sequence]) -> list[Sequence]:
+    """Return the sequences; each further one of a name has its number behind it."""
+    count: dict[str, int] = {}
+    result = []
+    for sequence in sequences:
+        number = count[sequence.name] = count.get(sequence.name, 0) + 1
+        result.append(sequence if number == 1
+                      else replace(sequence, name=f'{sequence.name} ({number})'))
+    return result
 
 
 def _read_image(path: Path) -> Frame:

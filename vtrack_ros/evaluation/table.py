@@ -9,8 +9,8 @@ from vtrack_ros.evaluation.results import Results, Scores
 from vtrack_ros.evaluation.scoring import FIGURES
 
 _SUMMARY = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
-            'losses_reported', 'report_frames', 'false_alarms', 'coverage50', 'coverage90',
-            'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
+            'losses_reported', 'report_frames', 'false_alarms', 'found15', 'coverage50',
+            'coverage90', 'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
 _TITLES = {figure.key: figure.title for figure in FIGURES} | {'cei': 'CEI'}
 _FRACTIONS = frozenset({
     'auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported', 'false_alarms',
@@ -21,9 +21,11 @@ def summary_table(results: Results) -> str:
     """Return the summary: one line per tracker, the best AUC first."""
     ranked = sorted(results.summary.items(), key=lambda item: -_number(item[1]['auc']))
     many = len(results.seeds) > 1
-    rows = [['tracker', *(_TITLES[key] for key in _SUMMARY)]]
+    keys = [key for key in _SUMMARY
+            if any(not math.isnan(scores.get(key, math.nan)) for _, scores in ranked)]
+    rows = [['tracker', *(_TITLES[key] for key in keys)]]
     for tracker, scores in ranked:
-        rows.append([tracker, *(_cell(scores, key, many and key == 'auc') for key in _SUMMARY)])
+        rows.append([tracker, *(_cell(scores, key, many and key == 'auc') for key in keys)])
     return aligned(rows)
 
 

@@ -1,0 +1,38 @@
+"""Small sequences for the tests of the evaluation: a textured square that moves over noise."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+SIZE = 24
+
+
+def truth_of(index: int) -> tuple[int, int, int, int]:
+    """Return the true box of a frame."""
+    return (20 + 2 * index, 30 + index, SIZE, SIZE)
+
+
+def picture(index: int, offset: int = 0) -> np.ndarray:
+    """Return a frame of 160 x 120 with the square where `truth_of` says."""
+    rng = np.random.default_rng(7)
+    frame = rng.integers(90, 140, (120, 160, 3), dtype=np.uint8)
+    square = rng.integers(0, 60, (SIZE, SIZE, 3), dtype=np.uint8)
+    square[..., 2] += 180
+    x, y, _, _ = truth_of(index)
+    frame[y:y + SIZE, x + offset:x + offset + SIZE] = square
+    return frame
+
+
+def write_sequence(folder: Path, frames: int = 12, rows: list[str] | None = None) -> Path:
+    """Write frames as PNG and a ground truth, by default the true one; return the folder."""
+    (folder / 'img').mkdir(parents=True)
+    for index in range(frames):
+        cv2.imwrite(str(folder / 'img' / f'{index + 1:05}.png'), picture(index))
+    write_truth(folder, rows or [','.join(map(str, truth_of(index))) for index in range(frames)])
+    return folder
+
+
+def write_truth(folder: Path, rows: list[str], name: str = 'groundtruth_rect.txt') -> None:
+    """Write a ground truth."""
+    (folder / name).write_text('\n'.join(rows) + '\n')

@@ -1,0 +1,243 @@
+"""Trackers over sequences: what is run, what is kept, what is said when something is wrong."""
+
+import json
+import math
+
+from evaluation_material import picture, truth_of, write_sequence, write_truth
+import numpy as np
+import pytest
+
+from vtrack_ros.cli.evaluate import main
+from vtrack_ros.evaluation import evaluate, parse_variant, parse_variants
+from vtrack_ros.evaluation.cache import RunCache
+from vtrack_ros.evaluation.document import document
+from vtrack_ros.evaluation.peers import peer_names
+from vtrack_ros.evaluation.running import run_tracker
+from vtrack_ros.evaluation.scoring import FIGURES
+from vtrack_ros.evaluation.source import source_files, source_hash
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names
+
+TIMED = {figure.key for figure in FIGURES if figure.timed}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return a folder of two good sequences."""
+    write_sequence(tmp_path / 'data' / 'First')
+    write_sequence(tmp_path / 'data' / 'Second', frames=8)
+    return tmp_path / 'data'
+
+
+def untimed(content):
+    """Return a document without what depends on the clock."""
+    def stripped(scores):
+        return {key: value for key, value in scores.items()
+                if key.removesuffix('_std') not in TIMED}
+    content = json.loads(json.dumps(content))
+    for key in ('environment', 'timings'):
+        del content[key]
+    content['summary'] = {label: stripped(row) for label, row in content['summary'].items()}
+    content['sequences'] = {name: {label: stripped(row) for label, row in rows.items()}
+                            for name, rows in content['sequences'].items()}
+    return content
+
+
+def test_run_keeps_what_the_tracker_said():
+    """The run's rows are the tracker's estimates; the first box is the one that was given."""
+    frames = [picture(index) for index in range(6)]
+    run = run_tracker(create_tracker('pf', seed=4), frames, Box(*truth_of(0)))
+    tracker = create_tracker('pf', seed=4)
+    estimates = [tracker.start(frames[0], Box(*truth_of(0)))]
+    estimates += [tracker.update(frame) for frame in frames[1:]]
+    np.testing.assert_array_equal(run.boxes[0], truth_of(0))
+    np.testing.assert_array_equal(
+        run.boxes[1:], [estimate.box.as_array() for estimate in estimates[1:]])
+    np.testing.assert_array_equal(
+        run.confidences, [estimate.confidence for estimate in estimates])
+    assert run.covariances.shape == (6, 2, 2)
+    assert len(run.wall_ms) == len(run.cpu_ms) == 5
+    assert (run.wall_ms > 0).all()
+
+
+def test_no_frames():
+    """A sequence without frames can't be run."""
+    with pytest.raises(ValueError, match='no frames'):
+        run_tracker(create_tracker('pf', seed=4), [], Box(0, 0, 1, 1))
+
+
+def test_processes_change_nothing(folder):
+    """In this process or in two others: the same figures, but for the times."""
+    trackers = ['pf', 'gmpf:particles=40']
+    here = evaluate(trackers, folder, seeds=2, jobs=0)
+    there = evaluate(trackers, folder, seeds=2, jobs=2)
+    assert untimed(document(here)) == untimed(document(there))
+    assert list(here.summary) == trackers
+    assert list(here.by_sequence) == ['First', 'Second']
+    for tracker in trackers:
+        assert list(here.runs('First', tracker)) == [0, 1]
+
+
+def test_seeds_differ_and_their_spread_is_reported(folder):
+    """Mean and sample deviation over seeds are those of the seeds' own figures."""
+    results = evaluate(['pf'], folder, seeds=3, jobs=0)
+    values = [results.scores['First']['pf'][seed]['auc'] for seed in range(3)]
+    row = results.by_sequence['First']['pf']
+    assert row['auc'] == pytest.approx(np.mean(values))
+    assert row['auc_std'] == pytest.approx(np.std(values, ddof=1))
+    each = [[results.scores[name]['pf'][seed]['auc'] for name in ('First', 'Second')]
+            for seed in range(3)]
+    assert results.summary['pf']['auc'] == pytest.approx(np.mean(each))
+    assert results.summary['pf']['auc_std'] == pytest.approx(np.std(np.mean(each, 1), ddof=1))
+
+
+def test_absent_target_counts_for_loss_only(tmp_path):
+    """Rows of NaN leave the overlap alone and are a loss."""
+    whole = [','.join(map(str, truth_of(index))) for index in range(12)]
+    gaps = whole[:6] + ['NaN,NaN,NaN,NaN'] * 2 + whole[8:]
+    write_sequence(tmp_path / 'Gap', rows=gaps)
+    results = evaluate(['pf'], tmp_path, jobs=0)
+    row = results.by_sequence['Gap']['pf']
+    run = results.runs('Gap', 'pf')[0]
+    kept = [index for index in range(12) if index not in (6, 7)]
+    overlaps = [Box(*run.boxes[index]).iou(Box(*truth_of(index))) for index in kept]
+    auc = np.mean([[overlap > step / 20 for overlap in overlaps] for step in range(21)])
+    assert row['auc'] == pytest.approx(auc)
+    assert row['losses'] >= 1
+    assert row['returns'] == 1
+    assert not math.isnan(row['auroc'])
+
+
+def test_cache_runs_only_what_changed(folder, tmp_path):
+    """A second time everything is there; another parameter, seed or frame is run anew."""
+    cache = RunCache(tmp_path / 'cache')
+
+    def cached(tracker='pf', seeds=1):
+        results = evaluate([tracker], folder, seeds=seeds, jobs=0, cache=cache)
+        return document(results), {
+            (name, seed): run.cached for name in results.sequences
+            for seed, run in results.runs(name, tracker).items()}
+
+    first, flags = cached()
+    assert not any(flags.values())
+    again, flags = cached()
+    assert all(flags.values())
+    assert untimed(again) == untimed(first)
+    assert (first['timings'], again['timings']) == ('measured', 'cached')
+    assert again['summary']['pf']['ms_median'] == first['summary']['pf']['ms_median']
+    assert not any(cached('pf:particles=40')[1].values())
+    assert cached(seeds=2)[1] == {('First', 0): True, ('First', 1): False,
+                                  ('Second', 0): True, ('Second', 1): False}
+    write_truth(folder / 'Second', ['20,30,24,24'] * 8)
+    assert cached()[1] == {('First', 0): True, ('Second', 0): False}
+
+
+def test_torn_cache_entry_is_run_again(folder, tmp_path):
+    """A file that can't be read is as good as none."""
+    cache = RunCache(tmp_path / 'cache')
+    evaluate(['pf'], folder, jobs=0, cache=cache)
+    for path in (tmp_path / 'cache').rglob('*.npz'):
+        path.write_bytes(path.read_bytes()[:100])
+    results = evaluate(['pf'], folder, jobs=0, cache=cache)
+    assert results.timings == 'measured'
+    assert not results.problems
+
+
+def test_default_parameters_share_the_cache(folder, tmp_path):
+    """A parameter that is spelled out at its default is the same run."""
+    cache = RunCache(tmp_path / 'cache')
+    evaluate(['pf'], folder, jobs=0, cache=cache)
+    default = tracker_class('pf').PARAMETERS['particles'].default
+    assert evaluate([f'pf:particles={default}'], folder, jobs=0, cache=cache).timings == 'cached'
+
+
+def test_source_of_a_tracker():
+    """A tracker's source holds what it imports by name, not its neighbours."""
+    files = source_files('vtrack_ros.trackers.base')
+    assert {'vtrack_ros.trackers.base', 'vtrack_ros.parameters',
+            'vtrack_ros.geometry.box'} <= set(files)
+    assert 'vtrack_ros.trackers.registry' not in files
+    assert 'vtrack_ros.trackers.base' in source_files('vtrack_ros.evaluation.running')
+    assert source_hash('vtrack_ros.trackers.base') != source_hash('vtrack_ros.parameters')
+    with pytest.raises(ModuleNotFoundError, match='vtrack_ros.nowhere'):
+        source_files('vtrack_ros.nowhere')
+
+
+def test_variants():
+    """A list of names with parameters; a part with = belongs to the tracker before it."""
+    found = parse_variants('pf, gmpf:particles=40,sigma=0.2 ,pf')
+    assert [variant.label for variant in found] == ['pf', 'gmpf:particles=40,sigma=0.2']
+    assert found[1].parameters == (('particles', 40), ('sigma', 0.2))
+    assert found[1].create(0).parameters['particles'] == 40
+    assert [variant.name for variant in parse_variants('all')] == list(tracker_names())
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    ('', 'no tracker is named; valid are .*gmpf'),
+    ('nobody', "unknown tracker 'nobody'; valid are .*gmpf"),
+    ('pf:size=3', "unknown parameter of pf: 'size'; valid are particles"),
+    ('pf:particles=many', 'particles must be an integer from'),
+    ('pf:particles', 'expected parameter=value'),
+    ('pf:particles=0', 'particles must be an integer from'),
+])
+def test_wrong_variants(text, message):
+    """What is wrong is said, and what is valid."""
+    with pytest.raises(ValueError, match=message):
+        parse_variants(text)
+
+
+@pytest.mark.parametrize('name', peer_names())
+def test_peers(name, folder):
+    """OpenCV's own trackers run in the same harness; those that draw nothing run once."""
+    results = evaluate([name], folder, seeds=2, jobs=0)
+    assert not results.problems
+    once = parse_variant(name).deterministic
+    assert list(results.runs('First', name)) == ([0] if once else [0, 1])
+    assert math.isnan(results.summary[name]['coverage90'])
+    assert results.summary[name]['auc'] > 0.3
+
+
+def test_command(folder, tmp_path, capsys):
+    """The command prints a table, writes JSON with all figures, and ends with 0."""
+    code = main(['--sequences', str(folder), '--trackers', 'pf', '--seeds', '2', '--jobs', '2',
+                 '--json', str(tmp_path / 'a.json'), '--cache', str(tmp_path / 'cache')])
+    assert code == 0
+    output = capsys.readouterr().out
+    assert 'First' in output and 'Second' in output and 'AUC' in output
+    content = json.loads((tmp_path / 'a.json').read_text())
+    for row in (content['sequences']['First']['pf'], content['summary']['pf']):
+        for figure in FIGURES:
+            assert {figure.key, f'{figure.key}_std'} <= set(row)
+    assert content['seeds'] == [0, 1]
+
+
+def test_command_skips_what_is_broken(folder, tmp_path, capsys):
+    """A broken sequence is named, the others are evaluated, and the code is 1."""
+    (folder / 'Second' / 'img' / '00003.png').write_bytes(b'torn')
+    (folder / 'Third').mkdir()
+    code = main(['--sequences', str(folder), '--trackers', 'pf', '--no-cache',
+                 '--json', str(tmp_path / 'a.json')])
+    assert code == 1
+    errors = capsys.readouterr().err
+    assert '00003.png' in errors and 'Third' in errors
+    content = json.loads((tmp_path / 'a.json').read_text())
+    assert content['sequences']['First']['pf']['auc'] > 0
+    assert content['sequences']['Second'] == {}
+    assert {problem['sequence'] for problem in content['problems']} == {'Second', 'Third'}
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    ([], 'nothing to evaluate on'),
+    (['--sequences', 'nowhere'], 'no such folder'),
+    (['--bags', 'nowhere'], 'no such bag'),
+    (['--scenes', 'nowhere'], 'unknown scene'),
+    (['--sequences', '.', '--trackers', 'nobody'], 'unknown tracker'),
+    (['--sequences', '.', '--seeds', '0'], 'whole number'),
+    (['--sequences', '.', '--json', 'nowhere/a.json'], 'no folder'),
+])
+def test_wrong_arguments(arguments, message, capsys):
+    """Wrong arguments end with 2 and say what is wrong."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,140 @@
+"""Sequence folders and bags, as they should be and as they shouldn't."""
+
+import math
+from pathlib import Path
+
+from evaluation_material import picture, truth_of, write_sequence, write_truth
+import numpy as np
+import pytest
+
+from vtrack_ros.evaluation.sequences import (
+    find_sequences, read_folder, read_truth, SequenceError, uniquely_named)
+from vtrack_ros.geometry import Box
+
+
+def test_folder(tmp_path):
+    """Frames come in order, the truth in rows, and the first box starts a tracker."""
+    [sequence] = read_folder(write_sequence(tmp_path / 'Square'))
+    assert sequence.name == 'Square'
+    assert len(sequence) == 12
+    frames = list(sequence.frames())
+    np.testing.assert_array_equal(frames[3], picture(3))
+    np.testing.assert_array_equal(sequence.pick([5])[5], picture(5))
+    np.testing.assert_array_equal(sequence.truth[3], truth_of(3))
+    assert sequence.first_box == Box(*truth_of(0))
+
+
+def test_second_ground_truth_is_a_second_target(tmp_path):
+    """`groundtruth_rect.2.txt` makes NAME.2, in the same video."""
+    folder = write_sequence(tmp_path / 'Pair')
+    write_truth(folder, ['5 6 7 8'] * 12, 'groundtruth_rect.2.txt')
+    first, second = read_folder(folder)
+    assert (first.name, second.name) == ('Pair', 'Pair.2')
+    assert first.video == second.video
+    assert first.fingerprint() != second.fingerprint()
+    assert second.first_box == Box(5, 6, 7, 8)
+
+
+def test_absent_targets_and_separators(tmp_path):
+    """Commas, blanks and semicolons separate; NaN and boxes without area mean absent."""
+    write_truth(tmp_path, ['1,2,3,4', '1 2\t3 4', '1;2;3;4', 'NaN,NaN,NaN,NaN', '0,0,0,0', ''])
+    truth = read_truth(tmp_path / 'groundtruth_rect.txt')
+    assert truth.shape == (5, 4)
+    np.testing.assert_array_equal(truth[:3], [(1, 2, 3, 4)] * 3)
+    assert np.isnan(truth[3:]).all()
+
+
+@pytest.mark.parametrize(('rows', 'message'), [
+    (['1,2,3,4'] * 11, '11 boxes, but 12 images'),
+    (['1,2,3,4'] * 5 + ['1,2,3'] + ['1,2,3,4'] * 6, r'groundtruth_rect.txt:6: .*1,2,3'),
+    (['left,2,3,4'] + ['1,2,3,4'] * 11, r'groundtruth_rect.txt:1: .*left'),
+    (['NaN,NaN,NaN,NaN'] + ['1,2,3,4'] * 11, 'first frame has no box'),
+])
+def test_wrong_truth_says_what_and_where(tmp_path, rows, message):
+    """A ground truth that doesn't fit is refused with its place."""
+    folder = write_sequence(tmp_path / 'Wrong', rows=rows)
+    with pytest.raises(SequenceError, match=message):
+        read_folder(folder)
+
+
+def test_broken_ones_are_reported_and_the_rest_is_found(tmp_path):
+    """A folder without images and one without truth don't hide the good one."""
+    write_sequence(tmp_path / 'Good')
+    (write_sequence(tmp_path / 'NoTruth') / 'groundtruth_rect.txt').unlink()
+    write_sequence(tmp_path / 'Other')
+    (tmp_path / 'Empty').mkdir()
+    sequences, broken = find_sequences(tmp_path)
+    assert [sequence.name for sequence in sequences] == ['Good', 'Other']
+    assert set(broken) == {'NoTruth', 'Empty'}
+    assert 'no groundtruth_rect.txt' in broken['NoTruth']
+    assert 'no images' in broken['Empty']
+
+
+def test_one_folder_alone(tmp_path):
+    """A sequence's own folder is taken for what it is."""
+    sequences, broken = find_sequences(write_sequence(tmp_path / 'Alone'))
+    assert [sequence.name for sequence in sequences] == ['Alone']
+    assert not broken
+
+
+def test_no_folder():
+    """A folder that isn't there is an error."""
+    with pytest.raises(SequenceError, match='no such folder'):
+        find_sequences(Path('nowhere'))
+
+
+def test_image_that_is_none(tmp_path):
+    """A file that can't be decoded is named."""
+    folder = write_sequence(tmp_path / 'Torn')
+    (folder / 'img' / '00004.png').write_bytes(b'not a picture')
+    [sequence] = read_folder(folder)
+    with pytest.raises(SequenceError, match='00004.png'):
+        list(sequence.frames())
+
+
+def test_fingerprint_is_of_the_content(tmp_path):
+    """It stays when a sequence moves, and changes with a pixel or a box."""
+    first = write_sequence(tmp_path / 'a' / 'Square')
+    second = write_sequence(tmp_path / 'b' / 'Square')
+    before = read_folder(first)[0].fingerprint()
+    assert read_folder(second)[0].fingerprint() == before
+    (second / 'img' / '00002.png').write_bytes((second / 'img' / '00003.png').read_bytes())
+    assert read_folder(second)[0].fingerprint() != before
+    write_truth(first, ['1,2,3,4'] * 12)
+    assert read_folder(first)[0].fingerprint() != before
+
+
+def test_names_are_unique(tmp_path):
+    """A second sequence of a name gets a number."""
+    sequences = [read_folder(write_sequence(tmp_path / place / 'Same'))[0] for place in 'ab']
+    assert [sequence.name for sequence in uniquely_named(sequences)] == ['Same', 'Same (2)']
+
+
+def test_bag(repository):
+    """A recorded bag is a sequence with its truth, NaN where the target is absent."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    from vtrack_ros.evaluation.bag_sequence import read_bag
+    sequence = read_bag(repository / 'bags' / 'face_fast')
+    assert sequence.name == 'face_fast'
+    frames = list(sequence.frames())
+    assert len(frames) == len(sequence) == 50
+    assert frames[0].shape == (96, 128, 3)
+    np.testing.assert_array_equal(sequence.steps, np.ones(50))
+    assert not any(math.isnan(value) for value in sequence.truth[0])
+
+
+def test_bag_that_is_none(tmp_path):
+    """What isn't a bag is a broken sequence."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    from vtrack_ros.evaluation.bag_sequence import read_bag
+    (tmp_path / 'torn.mcap').write_bytes(b'nothing of the kind')
+    with pytest.raises(SequenceError, match='torn.mcap'):
+        read_bag(tmp_path / 'torn.mcap')
+
+
+def test_shared_sequences(sequences):
+    """The fifteen videos hold sixteen targets."""
+    found, broken = find_sequences(sequences)
+    assert not broken
+    assert len(found) == 16
+    assert {'Jogging1', 'Jogging1.2'} <= {sequence.name for sequence in found}

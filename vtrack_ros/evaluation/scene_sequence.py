@@ -1,0 +1,92 @@
+"""Rendered scenes as sequences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+import hashlib
+
+import numpy as np
+
+from vtrack_ros.evaluation.sequences import check_start, Sequence
+from vtrack_ros.frame import Frame
+from vtrack_ros.scenes import render
+
+
+@dataclass(frozen=True)
+class SceneSequence(Sequence):
+    """
+    A scene of `vtrack_ros.scenes`, rendered again whenever its frames are asked for.
+
+    Parameters
+    ----------
+    scene : str
+    size : tuple of int, [px], optional
+    count : int, optional
+    seed : int
+        What `render` takes.
+    digest : str
+        The hash of its frames and truth.
+
+    """
+
+    scene: str
+    size: tuple[int, int] | None
+    count: int | None
+    seed: int
+    digest: str
+
+    @property
+    def video(self) -> str:
+        """Return what was rendered."""
+        return f'scene {self.scene} {self.size} {self.count} {self.seed}'
+
+    def frames(self) -> Iterable[Frame]:
+        """Render the frames one by one."""
+        return (shot.frame for shot in render(self.scene, self.size, self.count, self.seed))
+
+    def fingerprint(self) -> str:
+        """Return the hash of the frames and the truth, as they were rendered the first time."""
+        return self.digest
+
+
+def scene_sequence(
+        scene: str, size: tuple[int, int] | None = None, frames: int | None = None,
+        seed: int = 0, name: str | None = None) -> SceneSequence:
+    """
+    Render a scene once for its truth, and return it as a sequence.
+
+    Parameters
+    ----------
+    scene : str
+        One of `vtrack_ros.scenes.scene_names()`.
+    size : tuple of int, [px], optional
+        Width and height; by default the scene's own.
+    frames : int, optional
+        How many; by default the whole story.
+    seed : int
+        The scene's seed.
+    name : str, optional
+        What it's called in tables; by default the scene's name, with what differs from the
+        scene's defaults.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene, or an argument is out of range.
+
+    """
+    digest = hashlib.sha256()
+    rows = []
+    for shot in render(scene, size, frames, seed):
+        digest.update(np.ascontiguousarray(shot.frame).tobytes())
+        rows.append(np.full(4, np.nan) if shot.truth is None else shot.truth.as_array())
+    truth = np.array(rows)
+    digest.update(truth.tobytes())
+    if name is None:
+        details = [f'{size[0]}x{size[1]}'] if size is not None else []
+        details += [f'{frames} frames'] if frames is not None else []
+        details += [f'seed {seed}'] if seed else []
+        name = f'{scene} ({", ".join(details)})' if details else scene
+    check_start(truth, name)
+    return SceneSequence(name, truth, scene, size, frames, seed, digest.hexdigest())
