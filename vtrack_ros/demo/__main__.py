@@ -70,9 +70,14 @@ def _demonstrate(options: argparse.Namespace) -> int:
     compressed = topic.type == _COMPRESSED
     node = _node_arguments(options.tracker, options.seed, box, topic.name, compressed)
     player = [str(options.bag), '--topic', topic.name]
-    bar = ProgressBar(sys.stderr, 'frames')
-    sent, frames, log = run(node, player, options.out / 'record.json',
-                            lambda done: bar(done, topic.count))
+    bars: list[ProgressBar] = []
+
+    def answered(done: int) -> None:
+        # The clock of the bar starts with the first frame.
+        bars[:] = bars or [ProgressBar(sys.stderr, 'frames')]
+        bars[0](done, topic.count)
+
+    sent, frames, log = run(node, player, options.out / 'record.json', answered)
     (options.out / 'node.log').write_text(log + '\n')
     summary = summarise(frames, truth, sent)
     print(summary.table())

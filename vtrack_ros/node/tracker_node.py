@@ -27,3 +27,4 @@ class TrackerNode(TellingNode):
     def __init__(self, **arguments: Any) -> None:
         super().__init__('tracker', **arguments)
         self._pipeline = Pipeline(self, ParameterServer(self))
+        self._pipeline.activate()

@@ -12,17 +12,15 @@ class DebugView:
 
     def __init__(self, length: int = 60) -> None:
         self._trail: deque[tuple[float, float]] = deque(maxlen=length)
+        self._target = ('', '')
 
-    def note(self, estimate: Estimate | None) -> None:
-        """Remember where the target was measured."""
-        if estimate is None:
+    def note(self, estimate: Estimate | None, target: tuple[str, str]) -> None:
+        """Remember where the target was measured; another target leaves another trail."""
+        if estimate is None or target != self._target:
             self._trail.clear()
-        elif estimate.measured:
+        self._target = target
+        if estimate is not None and estimate.measured:
             self._trail.append(estimate.box.center)
-
-    def clear(self) -> None:
-        """Forget the trail."""
-        self._trail.clear()
 
     def draw(self, frame: Frame, estimate: Estimate | None, word: str) -> Frame:
         """Return a copy of the frame with box, ellipse, particles, trail and state on it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import sys
 from typing import Any
@@ -212,6 +212,13 @@ class ParameterServer:
     rclpy.exceptions.ParameterException
         The same, where rclpy's own check finds it first.
 
+    Attributes
+    ----------
+    settings : Settings
+        The values in force.
+    listener : callable or None
+        Called with the changes alone and their full names, once they are in force.
+
     """
 
     def __init__(self, node: Node) -> None:
@@ -227,14 +234,17 @@ class ParameterServer:
             {name: node.get_parameter(name).value for name in names})
         for tracker, values in self.settings.trackers.items():
             create_tracker(tracker, **values)
+        self.listener: Callable[[Settings, Sequence[str]], None] | None = None
         node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._take)
 
-    def take(self, parameters: Sequence[RosParameter]) -> tuple[Settings, tuple[str, ...]]:
-        """Put validated changes in force; return them alone, and their full names."""
-        names = tuple(parameter.name for parameter in parameters)
+    def _take(self, parameters: Sequence[RosParameter]) -> None:
+        """Put validated changes in force."""
+        names = [parameter.name for parameter in parameters]
         changes = checked_settings({parameter.name: parameter.value for parameter in parameters})
         self.settings = self.settings.merged(changes, names)
-        return changes, names
+        if self.listener is not None:
+            self.listener(changes, names)
 
     def _validate(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         names = [parameter.name for parameter in parameters]

@@ -1,0 +1,195 @@
+"""Keeping the target through whatever may change: streams, trackers, parameters."""
+
+import numpy as np
+import pytest
+
+from vtrack_ros.follower import Cadence, Follower, LONGEST_STEP
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import Estimate, tracker_names, TrackState
+
+STEP = 33_333_333
+
+
+def frame(index=0, height=90, width=120):
+    """Return a picture with a bright textured square that moves to the right."""
+    rng = np.random.default_rng(1)
+    picture = rng.integers(60, 90, (height, width, 3), np.uint8)
+    x = int(box(index).x)
+    picture[30:54, x:x + 24] = np.kron(rng.integers(0, 2, (4, 4)), np.ones((6, 6), int))[
+        ..., None] * np.array([20, 40, 190]) + 30
+    return picture
+
+
+def box(index=0):
+    """Return the square's box."""
+    return Box(20 + 2 * index, 30, 24, 24)
+
+
+class Script:
+    """Says what a tracker is told to say: states by call, and remembers the time steps."""
+
+    def __init__(self, states):
+        self.states = list(states)
+        self.steps = []
+
+    def start(self, frame, box):
+        """Begin."""
+        return Estimate(box, 0.0, np.eye(4), 1.0, TrackState.TRACKING)
+
+    def update(self, frame, dt):
+        """Go one pixel on."""
+        self.steps.append(dt)
+        state = self.states.pop(0) if self.states else TrackState.TRACKING
+        return Estimate(Box(50, 30, 24, 24), 0.0, np.eye(4), 1.0, state)
+
+
+def test_cadence_counts_frame_intervals():
+    """A gap of two intervals is two steps; jitter and the gap itself move nothing."""
+    cadence = Cadence()
+    assert [cadence.step(100 + jitter) for jitter in (0, 5, -5, 2)] == [1, 1, 1, 1]
+    assert cadence.step(201) == 2
+    assert cadence.step(99) == 1
+    assert cadence.step(510) == 5
+
+
+def test_no_target_no_estimate():
+    """Without a start nothing is said."""
+    follower = Follower()
+    assert follower.update(frame(), 5) is None
+    assert follower.estimate is None and follower.sighting is None
+    assert follower.restart() is None
+
+
+@pytest.mark.parametrize('tracker', tracker_names())
+def test_same_seed_same_boxes(tracker):
+    """Two followers of the same seed say the same, bit for bit."""
+    runs = []
+    for _ in range(2):
+        follower = Follower(tracker, seed=3)
+        follower.start(frame(0), 0, box(0))
+        runs.append([follower.update(frame(i), i * STEP).box for i in range(1, 6)])
+    assert runs[0] == runs[1]
+
+
+def test_backwards_ends_it():
+    """A stamp before the last one means another stream."""
+    follower = Follower()
+    follower.start(frame(0), 1000, box(0))
+    assert follower.update(frame(1), 2000) is not None
+    assert follower.update(frame(2), 1999) is None
+    assert follower.estimate is None
+    assert follower.update(frame(3), 3000) is None
+
+
+def test_another_size_ends_it():
+    """So does a frame of another size, or of another number of channels."""
+    for other in (frame(1, height=80), np.ascontiguousarray(frame(1)[..., 0])):
+        follower = Follower()
+        follower.start(frame(0), 0, box(0))
+        assert follower.update(other, STEP) is None
+        assert follower.estimate is None
+
+
+def test_steps_in_frame_intervals(monkeypatch):
+    """Dropped frames make longer steps, pauses don't make endless ones, equal stamps are one."""
+    script = Script([])
+    monkeypatch.setattr('vtrack_ros.follower.create_tracker', lambda *a, **k: script)
+    follower = Follower()
+    follower.start(frame(), 0, box())
+    for stamp in (1, 2, 3, 4, 4, 6, 10**6):
+        assert follower.update(frame(), stamp * STEP) is not None
+    assert script.steps == [1, 1, 1, 1, 1, 2, LONGEST_STEP]
+
+
+def test_restart_goes_back_to_the_last_good_look(monkeypatch):
+    """While lost, the last measured frame and box are what is learned, not the prediction."""
+    started = []
+
+    class Witness(Script):
+        def start(self, frame, box):
+            started.append((frame, box))
+            return super().start(frame, box)
+
+    monkeypatch.setattr('vtrack_ros.follower.create_tracker', lambda *a, **k: Witness(
+        [TrackState.TRACKING, TrackState.SEARCHING, TrackState.LOST]))
+    follower = Follower()
+    frames = [frame(i) for i in range(4)]
+    follower.start(frames[0], 0, box(0))
+    for index in (1, 2, 3):
+        follower.update(frames[index], index * STEP)
+    assert follower.estimate.state is TrackState.LOST
+    assert follower.sighting.frame is frames[1]
+    follower.restart()
+    assert started[-1][0] is frames[1] and started[-1][1] == Box(50, 30, 24, 24)
+
+
+@pytest.mark.parametrize('tracker', tracker_names())
+def test_another_tracker_keeps_the_target(tracker):
+    """Every tracker takes over where the one before was."""
+    follower = Follower('pf')
+    follower.start(frame(0), 0, box(0))
+    follower.update(frame(1), STEP)
+    follower.change(tracker=tracker)
+    assert follower.tracker == tracker
+    estimate = follower.update(frame(2), 2 * STEP)
+    assert estimate.box.iou(box(2)) > 0.3
+
+
+def test_changed_parameters_are_in_force_on_the_next_frame():
+    """The number of particles is that of the next estimate, and the target stays."""
+    follower = Follower('gmpf', parameters={'gmpf': {'particles': 50}})
+    follower.start(frame(0), 0, box(0))
+    assert len(follower.update(frame(1), STEP).particles) == 50
+    follower.change(parameters={'gmpf': {'particles': 80}})
+    estimate = follower.update(frame(2), 2 * STEP)
+    assert len(estimate.particles) == 80
+    assert estimate.box.iou(box(2)) > 0.3
+
+
+def test_parameters_of_another_tracker_wait_for_it():
+    """What isn't running takes its values when it's started."""
+    follower = Follower('gmpf')
+    follower.start(frame(0), 0, box(0))
+    follower.change(parameters={'pf': {'particles': 33}})
+    assert follower.tracker == 'gmpf'
+    follower.change(tracker='pf')
+    assert len(follower.update(frame(1), STEP).particles) == 33
+
+
+@pytest.mark.parametrize('change, error', [
+    (dict(tracker='nobody'), ValueError),
+    (dict(parameters={'nobody': {}}), ValueError),
+    (dict(parameters={'gmpf': {'nothing': 1}}), ValueError),
+    (dict(parameters={'gmpf': {'particles': 0}}), ValueError),
+    (dict(parameters={'gmpf': {'particles': 'many'}}), TypeError),
+    (dict(tracker='pf', seed=1, parameters={'pf': {'particles': -1}}), ValueError),
+])
+def test_wrong_changes_change_nothing(change, error):
+    """One wrong value, and nothing is changed at all."""
+    follower, untouched = Follower('gmpf', seed=4), Follower('gmpf', seed=4)
+    for one in (follower, untouched):
+        one.start(frame(0), 0, box(0))
+    with pytest.raises(error):
+        follower.change(**change)
+    assert follower.tracker == 'gmpf'
+    for index in range(1, 4):
+        assert (follower.update(frame(index), index * STEP).box
+                == untouched.update(frame(index), index * STEP).box)
+
+
+def test_a_new_seed_counts_from_the_next_start():
+    """The run that is on goes on as it was."""
+    follower, untouched = Follower('gmpf', seed=4), Follower('gmpf', seed=4)
+    for one in (follower, untouched):
+        one.start(frame(0), 0, box(0))
+    follower.change(seed=5)
+    assert follower.update(frame(1), STEP).box == untouched.update(frame(1), STEP).box
+    follower.start(frame(0), 0, box(0))
+    assert follower.update(frame(1), STEP).box == fresh_run(5)
+
+
+def fresh_run(seed):
+    """Return the first tracked box of a fresh follower."""
+    follower = Follower('gmpf', seed=seed)
+    follower.start(frame(0), 0, box(0))
+    return follower.update(frame(1), STEP).box

@@ -1,0 +1,3 @@
+"""Pictures."""
+def draw_run(bag, topic, frames, truth, out):
+    return []

@@ -1,0 +1,69 @@
+"""Once a second: who sends and who listens, what is lost, and how long it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+
+from vtrack_ros.ros import diagnostics
+from vtrack_ros.ros.outputs import Outputs
+from vtrack_ros.ros.qos import ImageInput
+
+
+class Health:
+    """
+    Watches the flow of images, and reports on /diagnostics.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    outputs : Outputs
+    state : callable
+        Returns the target's state.
+
+    Attributes
+    ----------
+    flow : FrameFlow
+        What came, and what didn't.
+    input : ImageInput or None
+        What is watched; None while no images are taken.
+
+    """
+
+    def __init__(self, node: Node, outputs: Outputs,
+                 state: Callable[[], DiagnosticStatus]) -> None:
+        self._node = node
+        self._outputs = outputs
+        self._state = state
+        self.flow = diagnostics.FrameFlow()
+        self.input: ImageInput | None = None
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._timer = node.create_timer(1.0, self._on_timer)
+
+    def destroy(self) -> None:
+        """Take everything down."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_publisher(self._publisher)
+
+    def _on_timer(self) -> None:
+        now = time.perf_counter_ns()
+        if self.input is not None:
+            self.input.check()
+        if self.flow.silence(now) > 1:
+            self._outputs.publish_state(self._state)
+        if self._publisher.get_subscription_count() == 0:
+            return
+        name = self._node.get_fully_qualified_name()
+        rows = [self._state()]
+        if self.input is not None:
+            faults = (*self.input.faults, *self._outputs.mismatches.faults)
+            level, text, values = diagnostics.report(
+                self.flow, now, faults, self.input.publishers, self.input.topic)
+            values['reliability'] = self.input.reliability
+            values['lost by the middleware'] = str(self.input.lost)
+            values['QoS mismatches'] = '; '.join(faults) or 'none'
+            rows.insert(0, diagnostics.status(f'{name}: images', level, text, values))
+        self._publisher.publish(diagnostics.array(self._node.get_clock().now().to_msg(), rows))

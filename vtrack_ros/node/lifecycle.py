@@ -1,0 +1,72 @@
+"""The managed node, for those who bring robots up in steps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+
+from vtrack_ros.node.pipeline import Pipeline
+from vtrack_ros.ros.parameters import ParameterServer, TellingNode
+
+
+class TrackerLifecycleNode(TellingNode, LifecycleNode):
+    """
+    The tracking node under a lifecycle manager.
+
+    Unconfigured it has its parameters alone. Configured, it offers its topics and services; active,
+    it takes images. Deactivating keeps the target, cleaning up forgets it.
+
+    Parameters
+    ----------
+    **arguments
+        Those of rclpy.lifecycle.LifecycleNode.
+
+    Raises
+    ------
+    TypeError, ValueError, rclpy.exceptions.ParameterException
+        If a parameter is wrong from the start.
+
+    """
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__('tracker', **arguments)
+        self._server = ParameterServer(self)
+        self._pipeline: Pipeline | None = None
+
+    def on_configure(self, state: State) -> TransitionCallbackReturn:
+        """Set up topics and services."""
+        self._pipeline = Pipeline(self, self._server)
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state: State) -> TransitionCallbackReturn:
+        """Begin to take images."""
+        if self._pipeline is not None:
+            self._pipeline.activate()
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: State) -> TransitionCallbackReturn:
+        """Take no more images."""
+        if self._pipeline is not None:
+            self._pipeline.deactivate()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: State) -> TransitionCallbackReturn:
+        """Take everything down."""
+        self._take_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
+        """Take everything down."""
+        self._take_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: State) -> TransitionCallbackReturn:
+        """Take everything down; then it can be configured again."""
+        self._take_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _take_down(self) -> None:
+        if self._pipeline is not None:
+            self._pipeline.destroy()
+            self._pipeline = None

@@ -1,0 +1,201 @@
+"""The target: selected, followed, given up; no ROS in here but its words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import time
+from typing import Any, Protocol
+
+from vtrack_ros.follower import Follower
+from vtrack_ros.ros.parameters import INIT_BOX, Settings
+from vtrack_ros.ros.selection import (
+    best_detection, FrameHistory, from_detection, from_roi, Selection, Selector)
+from vtrack_ros.trackers import Estimate, Frame, TrackState
+
+#: The same refusal is said at most once in that many seconds.
+QUIET = 2.0
+_FROM_PARAMETER = f'parameter {INIT_BOX}'
+
+
+class Log(Protocol):
+    """Where a person reads what happens."""
+
+    def info(self, message: str) -> Any:
+        """Tell."""
+
+    def warning(self, message: str) -> Any:
+        """Warn."""
+
+    def error(self, message: str) -> Any:
+        """Say that something was wrong."""
+
+
+class Target:
+    """
+    Follows one target, from whatever selects it until it's given up.
+
+    Parameters
+    ----------
+    settings : Settings
+    log : Log
+
+    """
+
+    def __init__(self, settings: Settings, log: Log) -> None:
+        self._settings = settings
+        self._log = log
+        self._follower = Follower(
+            settings.text('tracker'), int(settings.number('seed')), settings.trackers)
+        self._history = FrameHistory(
+            settings.number('history_seconds'), settings.number('history_megabytes'))
+        self._selector = Selector(self._history)
+        self._refused = ('', 0.0)
+        self._count = 0
+        self.identity = ('target', '')
+        self.begin_stream()
+
+    @property
+    def tracker(self) -> str:
+        """The name of the tracker in use."""
+        return self._follower.tracker
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """The latest estimate; None while there is no target."""
+        return self._follower.estimate
+
+    @property
+    def word(self) -> str:
+        """The state in a word: waiting, tracking, searching or lost."""
+        return 'waiting' if self.estimate is None else self.estimate.state.value
+
+    def begin_stream(self) -> None:
+        """Forget what belongs to another stream, and wait for the target of this one."""
+        self.forget()
+        self._history.clear()
+        if self._settings.init_box is not None:
+            self._selector.select(Selection(self._settings.init_box, _FROM_PARAMETER))
+
+    def update(self, frame: Frame, stamp: int) -> Estimate | None:
+        """
+        Take the next frame; None while there is no target.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        stamp : int, [ns]
+
+        """
+        self._history.append(stamp, frame)
+        before = self.estimate
+        try:
+            estimate = self._started() or self._follower.update(frame, stamp)
+        except Exception as error:
+            # Whatever a tracker comes across in the pixels, the node must outlive it.
+            self._say(f'tracker {self.tracker} failed, the target is forgotten: '
+                      f'{type(error).__name__}: {error}')
+            self._follower.forget()
+            return None
+        if before is not None and estimate is None:
+            self._log.warning('the image size changed: the target is forgotten')
+        return estimate
+
+    def on_detection(self, message: Any) -> None:
+        """Take a vision_msgs/msg/Detection2D as the target."""
+        try:
+            self._selector.select(from_detection(message, '~/init'))
+        except (TypeError, ValueError) as error:
+            self._refuse('~/init', error)
+
+    def on_roi(self, message: Any) -> None:
+        """Take a sensor_msgs/msg/RegionOfInterest of the newest frame as the target."""
+        try:
+            self._selector.select(from_roi(message, '~/init_roi'))
+        except (TypeError, ValueError) as error:
+            self._refuse('~/init_roi', error)
+
+    def on_detections(self, message: Any) -> None:
+        """Take the best detection of the wanted class while there is no target, or it's lost."""
+        lost = self.estimate is None or self.estimate.state is TrackState.LOST
+        if not lost or self._selector.pending is not None:
+            return
+        try:
+            best = best_detection(
+                message, self._settings.text('init_class'), self._settings.number('init_score'),
+                '~/init_detections')
+            if best is not None:
+                self._selector.select(best)
+        except ValueError as error:
+            self._refuse('~/init_detections', error)
+
+    def forget(self) -> None:
+        """Give the target up, and any that was about to be one."""
+        self._follower.forget()
+        self._selector.clear()
+
+    def restart(self) -> Estimate | None:
+        """Learn the target afresh where it was last measured; None where there's none."""
+        return self._follower.restart()
+
+    def change(self, settings: Settings, changes: Settings, names: Sequence[str]) -> None:
+        """
+        Put changed parameters in force.
+
+        Parameters
+        ----------
+        settings : Settings
+            All that hold now.
+        changes : Settings
+            Those that changed.
+        names : sequence of str
+            Their full names.
+
+        """
+        self._settings = settings
+        tracker, seed = changes.node.get('tracker'), changes.node.get('seed')
+        had_target = self.estimate is not None
+        self._follower.change(
+            None if tracker is None else str(tracker), None if seed is None else int(seed),
+            changes.trackers)
+        if had_target and self.estimate is None:
+            self._log.warning(f'{self.tracker} cannot start on the target: it is forgotten')
+        self._history.seconds = settings.number('history_seconds')
+        self._history.megabytes = settings.number('history_megabytes')
+        if INIT_BOX in names:
+            pending = self._selector.pending
+            if settings.init_box is not None:
+                self._selector.select(Selection(settings.init_box, _FROM_PARAMETER))
+            elif pending is not None and pending.source == _FROM_PARAMETER:
+                self._selector.clear()
+
+    def _started(self) -> Estimate | None:
+        """Start on the selection whose frame is there; None where there's none."""
+        source = getattr(self._selector.pending, 'source', '')
+        try:
+            ready = self._selector.ready()
+            if ready is None:
+                return None
+            selection, frames = ready
+            (stamp, frame), later = frames[0], frames[1:]
+            self._follower.start(frame, stamp, selection.box_on(frame))
+        except ValueError as error:
+            self._refuse(source, error)
+            return None
+        for stamp, frame in later:
+            self._follower.update(frame, stamp)
+        self._count += 1
+        self.identity = (selection.class_id or 'target', selection.target_id or str(self._count))
+        box = selection.box
+        self._log.info(f'{selection.source}: started {self.tracker} on the box at '
+                       f'({box.x:g}, {box.y:g}) of {box.width:g} x {box.height:g} px')
+        return self.estimate
+
+    def _refuse(self, source: str, error: Exception) -> None:
+        self._say(f'{source} refused: {error}')
+
+    def _say(self, text: str) -> None:
+        """Log an error, but not the same one over and over."""
+        now = time.monotonic()
+        if text != self._refused[0] or now > self._refused[1] + QUIET:
+            self._refused = text, now
+            self._log.error(text)
