@@ -91,6 +91,22 @@ def test_seeds_differ_and_their_spread_is_reported(folder):
     assert results.summary['pf']['auc_std'] == pytest.approx(np.std(np.mean(each, 1), ddof=1))
 
 
+def test_composite_index_compares_the_trackers(folder):
+    """It is the weighted sum of the figures, each relative to the worst tracker's."""
+    results = evaluate(['pf', 'gmpf', 'opencv_camshift'], folder, seeds=2, jobs=0)
+    for name, seed in (('First', 0), ('First', 1), ('Second', 1)):
+        rows = {tracker: by_seed.get(seed, by_seed[0])
+                for tracker, by_seed in results.scores[name].items()}
+        worst = {key: max(row[key] for row in rows.values())
+                 for key in ('ms_median', 'rmse_mean', 'rmse_var')}
+        for tracker in ('pf', 'gmpf'):
+            row = rows[tracker]
+            assert row['cei'] == pytest.approx(
+                0.5 * row['ms_median'] / worst['ms_median']
+                + 0.3 * row['rmse_mean'] / worst['rmse_mean']
+                + 0.2 * row['rmse_var'] / worst['rmse_var'])
+
+
 def test_absent_target_counts_for_loss_only(tmp_path):
     """Rows of NaN leave the overlap alone and are a loss."""
     whole = [','.join(map(str, truth_of(index))) for index in range(12)]
@@ -175,7 +191,7 @@ def test_variants():
 @pytest.mark.parametrize(('text', 'message'), [
     ('', 'no tracker is named; valid are .*gmpf'),
     ('nobody', "unknown tracker 'nobody'; valid are .*gmpf"),
-    ('pf:size=3', "unknown parameter of pf: 'size'; valid are particles"),
+    ('pf:size=3', "unknown parameter of pf: 'size'; valid are .*particles"),
     ('pf:particles=many', 'particles must be an integer from'),
     ('pf:particles', 'expected parameter=value'),
     ('pf:particles=0', 'particles must be an integer from'),
@@ -188,7 +204,7 @@ def test_wrong_variants(text, message):
 
 @pytest.mark.parametrize('name', peer_names())
 def test_peers(name, folder):
-    """OpenCV's own trackers run in the same harness; those that draw nothing run once."""
+    """Trackers of OpenCV run in the same harness; those that draw nothing run once."""
     results = evaluate([name], folder, seeds=2, jobs=0)
     assert not results.problems
     once = parse_variant(name).deterministic

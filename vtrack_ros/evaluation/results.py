@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from vtrack_ros.evaluation.running import Run
-from vtrack_ros.evaluation.scoring import evidence, over_seeds, over_sequences, score
+from vtrack_ros.evaluation.scoring import evidence, over_seeds, over_sequences, score, with_index
 from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.evaluation.variants import TrackerVariant
 
@@ -88,7 +88,7 @@ class Results:
         for (sequence, tracker), runs in self._runs.items():
             truth = self.sequences[sequence].truth
             result[sequence][tracker] = {seed: score(run, truth) for seed, run in runs.items()}
-        return result
+        return {name: _compared(by_tracker) for name, by_tracker in result.items()}
 
     @cached_property
     def by_sequence(self) -> dict[str, dict[str, Scores]]:
@@ -105,11 +105,23 @@ class Results:
             ran = [name for name in self.sequences if self.runs(name, tracker)]
             if not ran:
                 continue
-            seeds = self.runs(ran[0], tracker)
-            result[tracker] = over_seeds(
-                over_sequences(
+            result[tracker] = {
+                seed: over_sequences(
                     (self.scores[name][tracker][seed] for name in ran),
                     (evidence(self.runs(name, tracker)[seed], self.sequences[name].truth)
                      for name in ran))
-                for seed in seeds)
-        return result
+                for seed in self.runs(ran[0], tracker)}
+        return {tracker: over_seeds(by_seed.values())
+                for tracker, by_seed in _compared(result).items()}
+
+
+def _compared(by_tracker: dict[str, dict[int, Scores]]) -> dict[str, dict[int, Scores]]:
+    """Add the index of each seed; a tracker that ran with one seed is compared by that one."""
+    result: dict[str, dict[int, Scores]] = {tracker: {} for tracker in by_tracker}
+    for seed in sorted({seed for by_seed in by_tracker.values() for seed in by_seed}):
+        rows = {tracker: by_seed.get(seed, next(iter(by_seed.values())))
+                for tracker, by_seed in by_tracker.items()}
+        for tracker, row in with_index(rows).items():
+            if seed in by_tracker[tracker]:
+                result[tracker][seed] = row
+    return result

@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.estimation.indices import composite_index
 from vtrack_ros.evaluation import metrics
 from vtrack_ros.evaluation.running import Run
 
@@ -59,6 +60,8 @@ FIGURES = (
     Figure('ms_p99', 'ms p99', 'time of an update, 99th percentile [ms]', True),
     Figure('cpu_ms_median', 'cpu ms',
            'processor time of an update, all threads together, median [ms]', True),
+    Figure('cei', 'CEI', 'composite index over these trackers, smaller is better: median time 0.5, '
+           'RMSE 0.3, RMSE variance 0.2, each relative to the worst tracker', True),
 )
 
 
@@ -140,6 +143,25 @@ def over_sequences(
     result['auroc'] = metrics.auroc(
         np.concatenate([one.on for one in pooled]), np.concatenate([one.off for one in pooled]))
     return result
+
+
+def with_index(rows: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
+    """
+    Return the figures of compared trackers with `cei`, their composite index [Zhu2012, eq. 21].
+
+    Parameters
+    ----------
+    rows : mapping
+        Tracker -> its figures.
+
+    """
+    criteria = {label: [row[key] for key in ('ms_median', 'rmse_mean', 'rmse_var')]
+                for label, row in rows.items()}
+    known = [label for label, values in criteria.items() if not any(map(math.isnan, values))]
+    index = dict.fromkeys(rows, math.nan)
+    if known:
+        index.update(zip(known, composite_index([criteria[label] for label in known]).tolist()))
+    return {label: {**row, 'cei': index[label]} for label, row in rows.items()}
 
 
 def mean(values: Iterable[float] | NDArray[np.generic]) -> float:

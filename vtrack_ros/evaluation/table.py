@@ -11,7 +11,7 @@ from vtrack_ros.evaluation.scoring import FIGURES
 _SUMMARY = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
             'losses_reported', 'report_frames', 'false_alarms', 'found15', 'coverage50',
             'coverage90', 'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
-_TITLES = {figure.key: figure.title for figure in FIGURES} | {'cei': 'CEI'}
+_TITLES = {figure.key: figure.title for figure in FIGURES}
 _FRACTIONS = frozenset({
     'auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported', 'false_alarms',
     'coverage50', 'coverage90', 'found15', 'cei'})
