@@ -59,9 +59,9 @@ class Canvas:
     def polygon(self, points: Sequence[tuple[float, float]], paint: Colour | Picture,
                 opacity: float = 1.0) -> None:
         """Paint a polygon with a colour, or with a texture of the canvas's size in pixels."""
-        mask = self._mask()
-        cv2.fillPoly(mask, [self._fixed(points)], 255, cv2.LINE_AA, _SHIFT)
-        self._paint(mask, paint, opacity)
+        part, mask, fixed = self._part(points, 0)
+        cv2.fillPoly(mask, [fixed], 255, cv2.LINE_AA, _SHIFT)
+        self._paint(part, mask, paint, opacity)
 
     def rectangle(self, left: float, top: float, right: float, bottom: float,
                   paint: Colour | Picture, opacity: float = 1.0) -> None:
@@ -81,25 +81,28 @@ class Canvas:
     def line(self, points: Sequence[tuple[float, float]], thickness: float,
              paint: Colour | Picture, opacity: float = 1.0) -> None:
         """Paint an open line of a thickness in units; thinner than a pixel, it gets fainter."""
-        mask = self._mask()
         pixels = thickness * self.unit
-        cv2.polylines(mask, [self._fixed(points)], False, 255, max(1, round(pixels)),
-                      cv2.LINE_AA, _SHIFT)
-        self._paint(mask, paint, opacity * min(1.0, pixels))
+        part, mask, fixed = self._part(points, pixels)
+        cv2.polylines(mask, [fixed], False, 255, max(1, round(pixels)), cv2.LINE_AA, _SHIFT)
+        self._paint(part, mask, paint, opacity * min(1.0, pixels))
 
-    def _mask(self) -> NDArray[np.uint8]:
-        return np.zeros((self.height, self.width), np.uint8)
+    def _part(self, points: Sequence[tuple[float, float]], margin: float) -> tuple[
+            tuple[slice, slice], NDArray[np.uint8], NDArray[np.int32]]:
+        """Return the part of the picture about some points, a mask for it, and the points."""
+        pixels = (np.asarray(points, np.float64) - (self.left, self.top)) * self.unit - 0.5
+        size = (self.width, self.height)
+        low = np.clip(np.floor(pixels.min(axis=0) - margin - 2), 0, size).astype(int)
+        high = np.clip(np.ceil(pixels.max(axis=0) + margin + 3), 0, size).astype(int)
+        part = (slice(low[1], high[1]), slice(low[0], high[0]))
+        mask = np.zeros((max(1, high[1] - low[1]), max(1, high[0] - low[0])), np.uint8)
+        fixed = np.round((pixels - low) * (1 << _SHIFT)).astype(np.int32)
+        return part, mask, fixed
 
-    def _fixed(self, points: Sequence[tuple[float, float]]) -> NDArray[np.int32]:
-        array = np.asarray(points, np.float64)
-        pixels = (array - (self.left, self.top)) * self.unit - 0.5
-        return np.round(pixels * (1 << _SHIFT)).astype(np.int32)
-
-    def _paint(self, mask: NDArray[np.uint8], paint: Colour | Picture, opacity: float) -> None:
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        if rows.size == 0:
+    def _paint(self, part: tuple[slice, slice], mask: NDArray[np.uint8], paint: Colour | Picture,
+               opacity: float) -> None:
+        target = self.picture[part]
+        if target.size == 0:
             return
-        part = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
-        alpha = mask[part][..., None] * np.float32(opacity / 255)
+        alpha = mask[..., None] * np.float32(opacity / 255)
         colour = paint[part] if isinstance(paint, np.ndarray) else np.array(paint, np.float32)
-        self.picture[part] += alpha * (colour - self.picture[part])
+        target += alpha * (colour - target)

@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 
-from vtrack_ros.scenes import faces
+from vtrack_ros.scenes import faces, people, traffic
 from vtrack_ros.scenes.stage import film, Scene, SceneFrame, View
 
 #: The largest frame that scenes are made for, in pixels.
@@ -45,8 +45,30 @@ class SceneInfo:
 
 
 _SCENES = (
-    SceneInfo('face_fast', 'A face darts to the right and quickly back, twice.', 128, 96, 50,
-              faces.face_fast),
+    SceneInfo('face_fast', 'A face darts to the right and quickly back, twice.',
+              128, 96, 50, faces.face_fast),
+    SceneInfo('football', 'Players dressed alike; the target is covered in frames 53-84, and the '
+              'light goes from frame 85 on.', 400, 240, 150, people.football),
+    SceneInfo('similar_occlusion', 'A walker is covered by somebody dressed alike from frame 99 '
+              'on.', 384, 288, 170, people.similar_occlusion),
+    SceneInfo('pose_change', 'A face turns to the side and up in frames 53-62, and back later.',
+              256, 192, 130, faces.pose_change),
+    SceneInfo('scale_change', 'A walker comes near, turns round and goes away.',
+              320, 240, 160, people.scale_change),
+    SceneInfo('light_change', 'A face under lights that go out, change colour and flicker.',
+              320, 240, 130, faces.light_change),
+    SceneInfo('full_occlusion', 'A walker is hidden by a kiosk for about twenty frames.',
+              320, 240, 140, people.full_occlusion),
+    SceneInfo('car_approach', 'A car comes near and grows fourfold, past a lamp post, among its '
+              'likes.', 384, 288, 200, traffic.car_approach),
+    SceneInfo('helicopter', 'A helicopter over a town, near and far, from all sides, covered '
+              'about frame 281.', 320, 240, 780, traffic.helicopter),
+    SceneInfo('leave_and_return', 'A walker leaves the image and comes back forty frames later.',
+              320, 240, 170, people.leave_and_return),
+    SceneInfo('low_light_noise', 'A walker at night, in a noisy camera.',
+              320, 240, 130, people.low_light_noise),
+    SceneInfo('distractor_cross', 'Two walkers dressed alike cross twice.',
+              320, 240, 130, people.distractor_cross),
 )
 _CATALOGUE = {scene.name: scene for scene in _SCENES}
 

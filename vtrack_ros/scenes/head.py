@@ -62,7 +62,7 @@ class Head:
 
     def body(self, yaw: float = 0.0) -> Sprite:
         """Return neck and shoulders, in the head's coordinates."""
-        return self._render(round(yaw, 3), 0.0, False)
+        return self._render(round(yaw, 2), 0.0, False)
 
     def _rendered(self, yaw: float, pitch: float, head: bool) -> Sprite:
         turn = rotation(yaw, pitch)

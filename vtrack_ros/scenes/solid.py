@@ -8,7 +8,7 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vtrack_ros.scenes.sprite import Sprite
 from vtrack_ros.scenes.texture import Colour, fractal_noise
@@ -16,7 +16,7 @@ from vtrack_ros.scenes.texture import Colour, fractal_noise
 #: Points on the unit sphere, shape (n, 3), -> colours, shape (n, 3).
 Paint = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
-_LIGHT = np.array([-0.42, -0.62, 0.66])
+_LIGHT = np.array([-0.42, -0.62, 0.66], np.float32) / np.float32(0.998)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def ball(x: float, y: float, z: float, rx: float, ry: float, rz: float,
     return Ellipsoid(np.array([x, y, z]), np.diag([rx, ry, rz]), paint)
 
 
-def limb(start: Sequence[float], end: Sequence[float], radius: float, paint: Paint) -> Ellipsoid:
+def limb(start: ArrayLike, end: ArrayLike, radius: float, paint: Paint) -> Ellipsoid:
     """Return an ellipsoid that reaches from one joint to another."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(b - a))
@@ -93,7 +93,8 @@ def render(solids: Sequence[Ellipsoid], unit: float, ambient: float = 0.5) -> Sp
     left, top = lows.min(axis=0) - margin
     columns, rows = np.ceil((highs.max(axis=0) + margin - (left, top)) * unit).astype(int)
     # Finer than the sprite, so that outlines become smooth.
-    fine = 3 if columns * rows < 40_000 else 2
+    area = columns * rows
+    fine = 3 if area < 40_000 else 2 if area < 250_000 else 1
     step = 1 / (unit * fine)
     colour = np.zeros((rows * fine, columns * fine, 4), np.float32)
     depth = np.full(colour.shape[:2], -np.inf, np.float32)
@@ -111,21 +112,22 @@ def render(solids: Sequence[Ellipsoid], unit: float, ambient: float = 0.5) -> Sp
 def _cast(solid: Ellipsoid, colour: NDArray[np.float32], depth: NDArray[np.float32], left: float,
           top: float, step: float, ambient: float) -> None:
     """Cast a ray through every pixel of a part of the picture and keep the nearest hits."""
-    inverse = np.linalg.inv(solid.axes)
-    y, x = np.mgrid[0:depth.shape[0], 0:depth.shape[1]].astype(np.float32) * step
-    start = np.stack([x + (left - solid.centre[0]), y + (top - solid.centre[1]),
-                      np.full_like(x, -solid.centre[2])], axis=-1) @ inverse.T
+    inverse = np.linalg.inv(solid.axes).astype(np.float32)
+    y, x = np.mgrid[0:depth.shape[0], 0:depth.shape[1]].astype(np.float32) * np.float32(step)
+    x += np.float32(left - solid.centre[0])
+    y += np.float32(top - solid.centre[1])
+    start = np.stack([x, y, np.full_like(x, -solid.centre[2])], axis=-1) @ inverse.T
     along = inverse[:, 2]
     a, b = along @ along, start @ along
-    discriminant = b * b - a * ((start * start).sum(axis=-1) - 1)
-    reach = (-b + np.sqrt(np.maximum(discriminant, 0))) / a
+    discriminant = b * b - a * (np.einsum('ijk,ijk->ij', start, start) - 1)
+    reach = (np.sqrt(np.maximum(discriminant, 0)) - b) / a
     hit = (discriminant > 0) & (reach > depth)
     if not hit.any():
         return
-    local = (start[hit] + reach[hit][:, None] * along).astype(np.float32)
+    local = start[hit] + reach[hit][:, None] * along
     normal = local @ inverse
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    lit = np.clip(normal @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, 1)
+    lit = np.clip(normal @ _LIGHT, 0, 1)
     # Grazing views are darker, as soft light from all round is partly hidden there.
     rim = 0.72 + 0.28 * np.clip(normal[:, 2], 0, 1)
     shade = (ambient + (1 - ambient) * 1.25 * lit) * rim

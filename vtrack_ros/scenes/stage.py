@@ -105,7 +105,7 @@ class Camera:
     noise : float
         Standard deviation at full brightness, of 255; in the dark it's about a third.
     softness : float
-        Standard deviation of the lens's blur, in world units.
+        Standard deviation of the lens's blur, in pixels at one pixel per world unit.
 
     """
 
@@ -276,7 +276,8 @@ def _developed(scene: Scene, picture: NDArray[np.float32], time: float,
         gain = np.broadcast_to(scene.light.field(time, x, y), (rows, columns))
         picture *= cv2.resize(gain.astype(np.float32), (view.width, view.height),
                               interpolation=cv2.INTER_LINEAR)[..., None]
-    sigma = scene.camera.softness * view.unit
+    # Finer sensors resolve more, but not all of it.
+    sigma = scene.camera.softness * view.unit ** 0.4
     if sigma > 0.25:
         picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.float32)
     picture = np.clip(picture, 0, 255)

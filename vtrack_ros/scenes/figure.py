@@ -1,0 +1,167 @@
+"""People who stand, walk and run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+import math
+
+import numpy as np
+
+from vtrack_ros.scenes.solid import (
+    ball, Ellipsoid, limb, Paint, plain, render, rotation, striped, Surface)
+from vtrack_ros.scenes.sprite import Sprite
+from vtrack_ros.scenes.texture import Colour
+
+# A step is drawn in so many pictures.
+_PHASES = 32
+
+
+@dataclass(frozen=True)
+class Outfit:
+    """
+    What a person wears, and their colouring; blue, green, red.
+
+    Parameters
+    ----------
+    shirt : tuple of float
+    stripe : tuple of float, optional
+        A second colour of the shirt.
+    trousers : tuple of float
+    shorts : bool
+        Whether the trousers end above the knee.
+    socks : tuple of float
+        Shown with shorts.
+    sleeves : bool
+        Whether they reach the wrist.
+    shoes, skin, hair : tuple of float
+    upright : bool
+        Whether the stripes are upright.
+
+    """
+
+    shirt: Colour = (60, 60, 170)
+    stripe: Colour | None = None
+    trousers: Colour = (80, 60, 50)
+    shorts: bool = False
+    socks: Colour = (200, 200, 200)
+    sleeves: bool = True
+    shoes: Colour = (40, 40, 45)
+    skin: Colour = (125, 155, 200)
+    hair: Colour = (35, 45, 60)
+    upright: bool = True
+
+
+class Person:
+    """
+    A person 100 units tall, whose origin is on the ground between the feet.
+
+    Parameters
+    ----------
+    unit : float, [px]
+        How many pixels a length of 1 has in the sprites.
+    rng : numpy.random.Generator
+    outfit : Outfit
+
+    """
+
+    def __init__(self, unit: float, rng: np.random.Generator, outfit: Outfit) -> None:
+        self._unit = unit
+        self._outfit = outfit
+        cloth, denim, strand = Surface(rng, 0.6), Surface(rng, 0.5), Surface(rng, 0.3, 3)
+        shirt: Paint = plain(outfit.shirt, cloth, 0.1)
+        if outfit.stripe is not None:
+            axis = 0 if outfit.upright else 1
+            shirt = striped(outfit.shirt, outfit.stripe, 5 if outfit.upright else 6, axis, cloth)
+        self._shirt = shirt
+        self._trousers = plain(outfit.trousers, denim, 0.12)
+        self._skin = plain(outfit.skin, denim, 0.04)
+        self._hair = plain(outfit.hair, strand, 0.35)
+        self._socks = plain(outfit.socks, cloth, 0.06)
+        self._shoes = plain(outfit.shoes)
+        self._render = lru_cache(maxsize=256)(self._rendered)
+
+    def sprite(self, phase: float = 0.0, yaw: float = 0.0, stride: float = 1.0) -> Sprite:
+        """
+        Return the person.
+
+        Parameters
+        ----------
+        phase : float, [steps]
+            Where in a double step; whole numbers are alike.
+        yaw : float, [rad]
+            0 faces the viewer, pi / 2 right.
+        stride : float
+            0 stands, 1 walks, 1.6 runs.
+
+        """
+        return self._render(round(phase * _PHASES) % _PHASES, round(yaw, 2), round(stride, 1))
+
+    def _rendered(self, phase: int, yaw: float, stride: float) -> Sprite:
+        turn = rotation(yaw)
+        parts = self._parts(2 * math.pi * phase / _PHASES, stride)
+        return render([part.turned(turn) for part in parts], self._unit, 0.55)
+
+    def _parts(self, phase: float, stride: float) -> list[Ellipsoid]:
+        rise = 1.2 * stride * math.cos(2 * phase)
+        lean = 3.0 * max(0.0, stride - 0.8)
+        head_z = 1.0 + 1.5 * lean
+        eyes = plain((45, 50, 60))
+        parts = [
+            ball(0, -92.6 + rise, head_z, 5.5, 7.4, 6.2, self._skin),
+            ball(0, -94.8 + rise, head_z - 1.5, 5.9, 6.1, 6.1, self._hair),
+            ball(-2.1, -93.2 + rise, head_z + 5.6, 0.9, 0.5, 0.6, eyes),
+            ball(2.1, -93.2 + rise, head_z + 5.6, 0.9, 0.5, 0.6, eyes),
+            limb((0, -80 + rise, 0.5 * lean), (0, -88 + rise, head_z - 1), 3.1, self._skin),
+            ball(0, -69 + rise, 0.4 * lean, 11.5, 15.5, 7.0, self._shirt),
+            limb((-8, -80 + rise, lean), (8, -80 + rise, lean), 4.6, self._shirt),
+            ball(0, -54.5 + rise, 0, 9.6, 7.5, 6.6, self._trousers),
+        ]
+        for side in (-1, 1):
+            swing = phase if side > 0 else phase + math.pi
+            parts += self._leg(side, swing, stride, rise)
+            parts += self._arm(side, swing + math.pi, stride, rise, lean)
+        return parts
+
+    def _leg(self, side: int, swing: float, stride: float, rise: float) -> list[Ellipsoid]:
+        thigh = 0.46 * stride * math.sin(swing)
+        bend = stride * (0.12 + 0.55 * max(0.0, math.cos(swing + 0.4)))
+        hip = np.array([5.0 * side, -52 + rise, 0])
+        knee = hip + 25 * np.array([0, math.cos(thigh), math.sin(thigh)])
+        shank = thigh - bend
+        ankle = knee + 24 * np.array([0, math.cos(shank), math.sin(shank)])
+        toe = ankle + np.array([1.0 * side, 1.8, 7.5])
+        upper = self._skin if self._outfit.shorts else self._trousers
+        lower = self._socks if self._outfit.shorts else self._trousers
+        parts = [limb(hip, knee, 5.4, upper), limb(knee, ankle, 3.9, lower),
+                 limb(ankle, toe, 2.7, self._shoes)]
+        if self._outfit.shorts:
+            parts.append(limb(hip, hip + 0.62 * (knee - hip), 6.6, self._trousers))
+            parts.append(ball(knee[0], knee[1], knee[2], 3.9, 4.2, 4.0, self._skin))
+        return parts
+
+    def _arm(self, side: int, swing: float, stride: float, rise: float,
+             lean: float) -> list[Ellipsoid]:
+        upper = 0.42 * stride * math.sin(swing)
+        bend = 0.25 + 0.75 * max(0.0, stride - 0.9)
+        shoulder = np.array([11.5 * side, -79 + rise, lean])
+        elbow = shoulder + 16.5 * np.array([0.12 * side, math.cos(upper), math.sin(upper)])
+        fore = upper + bend
+        wrist = elbow + 14 * np.array([0, math.cos(fore), math.sin(fore)])
+        sleeve = self._shirt if self._outfit.sleeves else self._skin
+        plain_sleeve = plain(self._outfit.shirt) if self._outfit.sleeves else self._skin
+        parts = [limb(shoulder, elbow, 3.3, sleeve), limb(elbow, wrist, 2.7, plain_sleeve),
+                 ball(wrist[0], wrist[1] + 1.5, wrist[2] + 0.5, 2.2, 2.8, 2.4, self._skin)]
+        if not self._outfit.sleeves:
+            parts.append(limb(shoulder, shoulder + 0.5 * (elbow - shoulder), 4.0, self._shirt))
+        return parts
+
+
+def shadow(width: float, height: float, unit: float, strength: float = 0.5) -> Sprite:
+    """Return the soft shadow below something, of a width and a height about the origin."""
+    columns, rows = max(8, int(width * unit * 1.6)), max(6, int(height * unit * 1.6))
+    y, x = np.mgrid[0:rows, 0:columns]
+    radius = np.hypot((x + 0.5) / columns * 2 - 1, (y + 0.5) / rows * 2 - 1)
+    pixels = np.zeros((rows, columns, 4), np.float32)
+    pixels[..., 3] = strength * np.clip(1 - radius, 0, 1) ** 1.2
+    return Sprite(pixels, unit, -columns / unit / 2, -rows / unit / 2)
