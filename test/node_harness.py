@@ -9,24 +9,21 @@ import sys
 import threading
 import time
 
-# One domain for this test process and its children, so that parallel runs never meet.
-os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image
+from vision_msgs.msg import BoundingBox2D, Detection2DArray
 
-from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
-from geometry_msgs.msg import PoseStamped  # noqa: E402
-import numpy as np  # noqa: E402
-import rclpy  # noqa: E402
-from rclpy.context import Context  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from rclpy.parameter_client import AsyncParameterClient  # noqa: E402
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
-from sensor_msgs.msg import Image  # noqa: E402
-from vision_msgs.msg import BoundingBox2D, Detection2DArray  # noqa: E402
-
-from vtrack_ros.geometry import Box  # noqa: E402
-from vtrack_ros.ros.profile import with_profile  # noqa: E402
+from vtrack_ros.geometry import Box
+from vtrack_ros.ros.dds_profile import with_profile
 
 #: How long anything may take before a test gives up.
 PATIENCE = 20.0
@@ -52,7 +49,7 @@ class NodeProcess:
 
     @property
     def log(self) -> str:
-        """What the process wrote so far."""
+        """Return what the process wrote so far."""
         return ''.join(self._lines)
 
     def wait_for_log(self, text: str, since: int = 0) -> str:
@@ -221,7 +218,7 @@ class Client:
         self.until(future.done, 'no answer to a service call')
         return future.result()
 
-    def set(self, **values: object) -> list:
+    def change(self, **values: object) -> list:
         """Set parameters one by one; return the results."""
         rows = [Parameter(name.replace('__', '.'), value=value)
                 for name, value in values.items()]

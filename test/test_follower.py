@@ -106,6 +106,7 @@ def test_restart_goes_back_to_the_last_good_look(monkeypatch):
     started = []
 
     class Witness(Script):
+
         def start(self, frame, box):
             started.append((frame, box))
             return super().start(frame, box)
@@ -157,12 +158,12 @@ def test_parameters_of_another_tracker_wait_for_it():
 
 
 @pytest.mark.parametrize('change, error', [
-    (dict(tracker='nobody'), ValueError),
-    (dict(parameters={'nobody': {}}), ValueError),
-    (dict(parameters={'gmpf': {'nothing': 1}}), ValueError),
-    (dict(parameters={'gmpf': {'particles': 0}}), ValueError),
-    (dict(parameters={'gmpf': {'particles': 'many'}}), TypeError),
-    (dict(tracker='pf', seed=1, parameters={'pf': {'particles': -1}}), ValueError),
+    ({'tracker': 'nobody'}, ValueError),
+    ({'parameters': {'nobody': {}}}, ValueError),
+    ({'parameters': {'gmpf': {'nothing': 1}}}, ValueError),
+    ({'parameters': {'gmpf': {'particles': 0}}}, ValueError),
+    ({'parameters': {'gmpf': {'particles': 'many'}}}, TypeError),
+    ({'tracker': 'pf', 'seed': 1, 'parameters': {'pf': {'particles': -1}}}, ValueError),
 ])
 def test_wrong_changes_change_nothing(change, error):
     """One wrong value, and nothing is changed at all."""

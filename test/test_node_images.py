@@ -119,7 +119,7 @@ def test_size_changes_in_mid_stream(client, process):
     assert not send(client, small).detections
     process.wait_for_log('image size changed', since)
     assert not send(client, SCENE.frame(2)).detections
-    assert client.set(init_box=SCENE.box(3).as_array().tolist())[0].successful
+    assert client.change(init_box=SCENE.box(3).as_array().tolist())[0].successful
     assert overlap(send(client, SCENE.frame(3)), SCENE.box(3)) > 0.9
 
 
@@ -137,11 +137,11 @@ def test_stamps_that_go_backwards_begin_again(client, process):
 def test_stamps_that_go_backwards_forget_a_selected_target(client):
     """Without init_box a loop ends the tracking, until somebody selects again."""
     assert send(client, SCENE.frame(0)).detections
-    assert client.set(init_box=[])[0].successful
+    assert client.change(init_box=[])[0].successful
     assert send(client, SCENE.frame(1)).detections
     client.index = 0
     assert not send(client, SCENE.frame(0)).detections
-    assert client.set(init_box=SCENE.box(0).as_array().tolist())[0].successful
+    assert client.change(init_box=SCENE.box(0).as_array().tolist())[0].successful
     assert send(client, SCENE.frame(1)).detections
 
 

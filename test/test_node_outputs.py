@@ -1,8 +1,6 @@
 """What the node publishes: the right numbers, under the image's own header, or nothing."""
 
-import math
-
-from node_harness import Client, image_message, NodeProcess, overlap, Scene, STEP
+from node_harness import Client, NodeProcess, overlap, Scene
 import pytest
 
 

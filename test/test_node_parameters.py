@@ -89,7 +89,7 @@ def test_refused_with_reason_and_range(talk, name, value, told):
     _, client = talk
     known = name in parameter_table() or name == 'init_box'
     before = client.get(name) if known else None
-    result, = client.set(**{name.replace('.', '__'): value})
+    result, = client.change(**{name.replace('.', '__'): value})
     assert not result.successful
     for part in told:
         assert part in result.reason
@@ -128,7 +128,7 @@ def test_in_force_on_the_next_frame(talk):
     client.until(lambda: client.node.count_publishers('/tracker/particles'), 'no particles')
     client.until(lambda: tracks_on(talk, 1) and particles, 'no particles were heard')
     for count in (40, 300, 150):
-        assert client.set(gmpf__particles=count)[0].successful
+        assert client.change(gmpf__particles=count)[0].successful
         heard = len(particles)
         assert tracks_on(talk, 1)
         client.until(lambda: len(particles) > heard, 'no particles were heard')
@@ -140,7 +140,7 @@ def test_another_tracker_keeps_the_target(talk):
     """Every tracker takes over where the one before was."""
     scene, client = talk
     for tracker in (*tracker_names(), 'gmpf'):
-        assert client.set(tracker=tracker)[0].successful
+        assert client.change(tracker=tracker)[0].successful
         start, client.index = client.index, client.index + 2
         answers = client.play(scene, range(start, start + 2))
         assert all(answer.detections for answer in answers), tracker
@@ -148,7 +148,7 @@ def test_another_tracker_keeps_the_target(talk):
         client.until(lambda: client.heard['~/state'][-1].hardware_id == tracker, tracker)
         # Back on firm ground for the next one.
         box = scene.box(start + 1)
-        assert client.set(init_box=[box.x, box.y, box.width, box.height])[0].successful
+        assert client.change(init_box=[box.x, box.y, box.width, box.height])[0].successful
         assert tracks_on(talk, 1)
 
 
@@ -157,9 +157,9 @@ def test_init_box_takes_integers_floats_and_nothing(talk):
     scene, client = talk
     box = scene.box(client.index)
     numbers = [box.x, box.y, box.width, box.height]
-    assert client.set(init_box=[int(number) for number in numbers])[0].successful
+    assert client.change(init_box=[int(number) for number in numbers])[0].successful
     assert tracks_on(talk, 1)
-    assert client.set(init_box=[])[0].successful
+    assert client.change(init_box=[])[0].successful
     assert tracks_on(talk, 2)
 
 

@@ -180,8 +180,8 @@ def test_roi_is_clamped(client, process):
 
 
 @pytest.mark.parametrize('region, told', [
-    (dict(x_offset=5000, y_offset=0, width=10, height=10), 'no pixel inside'),
-    (dict(x_offset=5, y_offset=5, width=0, height=0), 'positive'),
+    ({'x_offset': 5000, 'y_offset': 0, 'width': 10, 'height': 10}, 'no pixel inside'),
+    ({'x_offset': 5, 'y_offset': 5, 'width': 0, 'height': 0}, 'positive'),
 ])
 def test_wrong_roi_is_refused(client, process, region, told):
     """A region outside the image, or of no size, is refused."""
@@ -220,7 +220,7 @@ def test_reset_enable_reinit(client, process):
 
 def test_detector_starts_it(client, process):
     """The best detection of the wanted class is taken, while there's no target."""
-    results = client.set(init_from_detections=True, init_class='ball', init_score=0.6)
+    results = client.change(init_from_detections=True, init_class='ball', init_score=0.6)
     assert all(result.successful for result in results)
     detector = client.publisher('~/init_detections', Detection2DArray)
     play(client)
@@ -243,5 +243,5 @@ def test_detector_starts_it(client, process):
     detector.publish(Detection2DArray(detections=[
         detection(box, class_id='ball', score=0.3), detection(box, class_id='cat', score=1.0)]))
     assert not any(answer.detections for answer, _ in play(client, 5))
-    client.set(init_from_detections=False)
+    client.change(init_from_detections=False)
     client.until(lambda: detector.get_subscription_count() == 0, 'still listening')

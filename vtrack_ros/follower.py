@@ -48,8 +48,11 @@ class Sighting:
     Parameters
     ----------
     frame : ndarray of uint8
+        The pixels.
     stamp : int, [ns]
+        When they were taken.
     box : Box
+        The target's.
 
     """
 
@@ -98,17 +101,17 @@ class Follower:
 
     @property
     def tracker(self) -> str:
-        """The name of the tracker in use."""
+        """Return the name of the tracker in use."""
         return self._name
 
     @property
     def estimate(self) -> Estimate | None:
-        """The latest estimate; None while there is no target."""
+        """Return the latest estimate; None while there is no target."""
         return self._estimate
 
     @property
     def sighting(self) -> Sighting | None:
-        """The latest measured box with its frame; None while there is no target."""
+        """Return the latest measured box with its frame; None while there is no target."""
         return self._sighting
 
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
@@ -118,8 +121,11 @@ class Follower:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The pixels.
         stamp : int, [ns]
+            When they were taken.
         box : Box
+            May reach beyond the image.
 
         """
         tracker = self._create(self._name)
@@ -137,7 +143,9 @@ class Follower:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The pixels.
         stamp : int, [ns]
+            When they were taken.
 
         """
         if self._estimate is None or self._frame is None:
@@ -200,7 +208,7 @@ class Follower:
         for owner, values in checked.items():
             merged.setdefault(owner, {}).update(values)
             # A tracker checks what its parameters must be to each other when it's made.
-            create_tracker(owner, **merged[owner])
+            create_tracker(owner, seed=0, **merged[owner])
         seed = self._seed if seed is None else seed
         replacement = create_tracker(name, seed=seed, **merged.get(name, {}))
         self._parameters, self._seed = merged, seed

@@ -15,7 +15,7 @@ import threading
 import time
 from typing import Any
 
-from vtrack_ros.ros.profile import with_profile
+from vtrack_ros.ros.dds_profile import with_profile
 
 #: How long a process may take to start or to end, in seconds.
 PATIENCE = 30.0
@@ -52,12 +52,12 @@ class Child:
 
     @property
     def log(self) -> str:
-        """The lines that weren't protocol."""
+        """Return the lines that weren't protocol."""
         return '\n'.join(self._log)
 
     @property
     def running(self) -> bool:
-        """Whether the process has not ended."""
+        """Return whether the process has not ended."""
         return self.process.poll() is None
 
     def end(self) -> int:
@@ -156,8 +156,9 @@ def run(node: Sequence[str], player: Sequence[str], record: Path,
             raise recorder.failure('failed')
         if tracker.end():
             raise tracker.failure('did not end cleanly')
-        frames = json.loads(record.read_text())['frames']
-        return _frames_sent(source), {int(stamp): row for stamp, row in frames.items()}, tracker.log
+        rows = json.loads(record.read_text())['frames']
+        frames = {int(stamp): row for stamp, row in rows.items()}
+        return _frames_sent(source), frames, tracker.log
     finally:
         for child in children:
             if child.running:

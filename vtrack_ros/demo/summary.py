@@ -49,7 +49,7 @@ class Summary:
 
     @property
     def tracked(self) -> bool:
-        """Whether the target was tracked."""
+        """Return whether the target was tracked."""
         enough = self.frames_tracked >= LEAST_TRACKED * max(1, self.frames_sent)
         return enough and (self.mean_iou is None or self.mean_iou >= LEAST_IOU)
 

@@ -14,8 +14,8 @@ class TrackerLifecycleNode(TellingNode, LifecycleNode):
     """
     The tracking node under a lifecycle manager.
 
-    Unconfigured it has its parameters alone. Configured, it offers its topics and services; active,
-    it takes images. Deactivating keeps the target, cleaning up forgets it.
+    Unconfigured it has its parameters alone. Configured, it offers its topics and services;
+    active, it takes images. Deactivating keeps the target, cleaning up forgets it.
 
     Parameters
     ----------

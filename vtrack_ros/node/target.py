@@ -56,17 +56,17 @@ class Target:
 
     @property
     def tracker(self) -> str:
-        """The name of the tracker in use."""
+        """Return the name of the tracker in use."""
         return self._follower.tracker
 
     @property
     def estimate(self) -> Estimate | None:
-        """The latest estimate; None while there is no target."""
+        """Return the latest estimate; None while there is no target."""
         return self._follower.estimate
 
     @property
     def word(self) -> str:
-        """The state in a word: waiting, tracking, searching or lost."""
+        """Return the state in a word: waiting, tracking, searching or lost."""
         return 'waiting' if self.estimate is None else self.estimate.state.value
 
     def begin_stream(self) -> None:
@@ -83,7 +83,9 @@ class Target:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The pixels.
         stamp : int, [ns]
+            When they were taken.
 
         """
         self._history.append(stamp, frame)

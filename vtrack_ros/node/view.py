@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from vtrack_ros.drawing import Canvas, STATES, TRUTH
 from vtrack_ros.trackers import Estimate, Frame
 
 
@@ -24,5 +25,11 @@ class DebugView:
 
     def draw(self, frame: Frame, estimate: Estimate | None, word: str) -> Frame:
         """Return a copy of the frame with box, ellipse, particles, trail and state on it."""
-        from vtrack_ros import drawing
-        return drawing.annotated(frame, estimate, trail=list(self._trail), text=word)
+        canvas = Canvas(frame, enlarge=False)
+        canvas.trail(list(self._trail))
+        if estimate is None:
+            canvas.text(word)
+        else:
+            canvas.estimate(estimate)
+            canvas.text(f'{word} {estimate.confidence:.2f}', STATES.get(estimate.state, TRUTH))
+        return canvas.picture

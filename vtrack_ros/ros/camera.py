@@ -109,7 +109,7 @@ class Camera:
 
     def project(self, x: float, y: float) -> tuple[float, float]:
         """
-        Return where the ray (x, y, 1) meets the image.
+        Return where a ray at depth 1 meets the image.
 
         In pixels as a `Box` counts them: from the outer corner of the first pixel.
         """
@@ -120,7 +120,7 @@ class Camera:
 
     def ray(self, column: float, row: float) -> tuple[float, float]:
         """
-        Return x and y of the ray (x, y, 1) that a place on the image sees.
+        Return x and y of the ray at depth 1 that a place on the image sees.
 
         Newton's method on the distortion, whose derivative is taken numerically.
 
@@ -184,6 +184,7 @@ def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
     Parameters
     ----------
     estimate : Estimate
+        The box and its covariance.
     camera : Camera or None
         None: not calibrated.
     units : {'auto', 'pixels', 'ray', 'metres'}

@@ -50,6 +50,7 @@ class FrameFlow:
         Parameters
         ----------
         stamp : int, [ns]
+            The image's.
         now : int, [ns]
             When it arrived, on a clock that never jumps.
 
@@ -109,12 +110,15 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
     Parameters
     ----------
     flow : FrameFlow
+        What came and what didn't.
     now : int, [ns]
+        On the clock that `FrameFlow.arrived` was given.
     faults : sequence of str
         QoS mismatches.
     publishers : int
-        Of the image topic.
+        How many the image topic has.
     topic : str
+        The image topic.
 
     Returns
     -------
@@ -153,7 +157,8 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
                   'particles' if slow else
                   'lost before they came here: use the Fast DDS profile config/fastdds.xml on '
                   'both sides')
-        return 1, f'{missing} of the last {received + missing} frames are missing, {reason}', values
+        text = f'{missing} of the last {received + missing} frames are missing, {reason}'
+        return 1, text, values
     return 0, f'{rate:.1f} Hz', values
 
 

@@ -58,7 +58,9 @@ def fill_bounds(message: Any, box: Box, theta: float = 0.0) -> None:
     Parameters
     ----------
     message : vision_msgs/msg/BoundingBox2D
+        What is filled.
     box : Box
+        In pixels of the image.
     theta : float, [rad]
         Counterclockwise as one looks at the image.
 
@@ -105,9 +107,11 @@ def state_status(name: str, tracker: str, word: str, estimate: Estimate | None,
     name : str
         The node's full name.
     tracker : str
+        The tracker's name.
     word : str
         The state: that of the estimate, or why there is none.
     estimate : Estimate or None
+        What the tracker knows.
     values : mapping of str to str
         More to tell.
 

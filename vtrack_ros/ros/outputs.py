@@ -56,7 +56,10 @@ class Outputs:
         self._state = self._publisher(DiagnosticStatus, '~/state')
         self._particles = self._publisher(PoseArray, '~/particles')
         self._debug = self._publisher(Image, '~/debug_image')
-        self._detections = self._bounds = self._transforms = None
+        self._detections: Any = None
+        self._bounds: Any = None
+        self._tf2: Any = None
+        self._transforms: Any = None
         if vision is not None:
             self._detections = self._publisher(vision.Detection2DArray, 'detections')
             self._bounds = self._publisher(vision.BoundingBox2D, 'bounding_box')
@@ -76,19 +79,20 @@ class Outputs:
 
     def publish_transform(self, header: Any, position: Position, angle: float,
                           child: str) -> None:
-        """Publish the transform from the image's frame to the target's, where tf2_msgs is there."""
+        """Publish the transform from the image's frame to the target's, given tf2_msgs."""
+        if self._tf2 is None:
+            # Only asked for once: what isn't installed now won't be later.
+            self._tf2 = optional('tf2_msgs', 'no transform is sent', self._node) or False
+            if self._tf2:
+                self._transforms = self._node.create_publisher(
+                    self._tf2.TFMessage, '/tf', QoSProfile(depth=100))
         if self._transforms is None:
-            tf2 = optional('tf2_msgs', 'no transform is sent', self._node)
-            self._transforms = (tf2, tf2 and self._node.create_publisher(
-                tf2.TFMessage, '/tf', QoSProfile(depth=100)))
-        tf2, publisher = self._transforms
-        if publisher is None:
             return
         transform = TransformStamped(header=header, child_frame_id=child)
         place = transform.transform.translation
         place.x, place.y, place.z = (float(value) for value in position.point)
         transform.transform.rotation = messages.rotation(angle)
-        publisher.publish(tf2.TFMessage(transforms=[transform]))
+        self._transforms.publish(self._tf2.TFMessage(transforms=[transform]))
 
     def publish_boxes(self, header: Any, estimate: Estimate | None,
                       target: tuple[str, str]) -> None:
@@ -98,7 +102,9 @@ class Outputs:
         Parameters
         ----------
         header : std_msgs/msg/Header
+            The image's.
         estimate : Estimate or None
+            What the tracker knows.
         target : tuple of str
             The target's class and id.
 
@@ -108,11 +114,11 @@ class Outputs:
             array = self._vision.Detection2DArray(header=header)
             if measured is not None:
                 array.detections = [self._detection(header, measured, target)]
-            self._detections.publish(array)  # type: ignore[union-attr]
+            self._detections.publish(array)
         if measured is not None and self._wanted(self._bounds):
             bounds = self._vision.BoundingBox2D()
             messages.fill_oriented(bounds, measured)
-            self._bounds.publish(bounds)  # type: ignore[union-attr]
+            self._bounds.publish(bounds)
 
     def publish_state(self, make: Callable[[], DiagnosticStatus]) -> None:
         """Publish the state that `make` returns."""
@@ -133,13 +139,13 @@ class Outputs:
 
     @property
     def debug_wanted(self) -> bool:
-        """Whether anybody looks at the picture."""
+        """Return whether anybody looks at the picture."""
         return self._wanted(self._debug)
 
     def destroy(self) -> None:
         """Take the publishers down."""
         found = [self._pose, self._covariance, self._state, self._particles, self._debug,
-                 self._detections, self._bounds, (self._transforms or (None, None))[1]]
+                 self._detections, self._bounds, self._transforms]
         for publisher in found:
             if publisher is not None:
                 self._node.destroy_publisher(publisher)

@@ -233,7 +233,7 @@ class ParameterServer:
         self.settings = checked_settings(
             {name: node.get_parameter(name).value for name in names})
         for tracker, values in self.settings.trackers.items():
-            create_tracker(tracker, **values)
+            create_tracker(tracker, seed=0, **values)
         self.listener: Callable[[Settings, Sequence[str]], None] | None = None
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._take)
@@ -253,7 +253,7 @@ class ParameterServer:
                 {parameter.name: parameter.value for parameter in parameters})
             merged = self.settings.merged(changes, names)
             for tracker in changes.trackers:
-                create_tracker(tracker, **merged.trackers[tracker])
+                create_tracker(tracker, seed=0, **merged.trackers[tracker])
         except (TypeError, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

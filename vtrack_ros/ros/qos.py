@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -57,22 +57,22 @@ class ImageInput:
 
     @property
     def topic(self) -> str:
-        """The resolved name of the topic."""
+        """Return the resolved name of the topic."""
         return str(self._subscription.topic_name)
 
     @property
     def reliability(self) -> str:
-        """The reliability in force, in lower case."""
+        """Return the reliability in force, in lower case."""
         return str(self._policy.name.lower())
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why no image comes from which publisher; empty while all match."""
+        """Return why no image comes from which publisher; empty while all match."""
         return self._faults
 
     @property
     def publishers(self) -> int:
-        """The number of publishers on the topic, matching or not."""
+        """Return the number of publishers on the topic, matching or not."""
         return int(self._node.count_publishers(self.topic))
 
     def check(self) -> None:
@@ -118,7 +118,7 @@ class ImageInput:
         events = SubscriptionEventCallbacks(
             incompatible_qos=self._on_mismatch, message_lost=self._on_lost)
         return self._node.create_subscription(
-            self._kind, self._topic, self._callback, image_qos(self._policy),
+            self._kind, self._topic, cast(Any, self._callback), image_qos(self._policy),
             event_callbacks=events)
 
     def _on_mismatch(self, _: Any) -> None:
@@ -137,7 +137,7 @@ class OutputFaults:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What was asked for, one sentence a topic."""
+        """Return what was asked for, one sentence a topic."""
         return tuple(self._faults.values())
 
     def callbacks(self, topic: str) -> PublisherEventCallbacks:

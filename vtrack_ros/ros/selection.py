@@ -120,6 +120,7 @@ def best_detection(message: Any, class_id: str, score: float, source: str) -> Se
     Parameters
     ----------
     message : vision_msgs/msg/Detection2DArray
+        What a detector found.
     class_id : str
         The class; empty: any.
     score : float
@@ -175,17 +176,17 @@ class FrameHistory:
 
     @property
     def nbytes(self) -> int:
-        """The memory that the frames take, in bytes."""
+        """Return the memory that the frames take, in bytes."""
         return self._bytes
 
     @property
     def newest(self) -> int | None:
-        """The newest frame's stamp in nanoseconds; None where there is no frame."""
+        """Return the newest frame's stamp in nanoseconds; None where there is no frame."""
         return self._frames[-1][0] if self._frames else None
 
     @property
     def oldest(self) -> int | None:
-        """The oldest frame's stamp in nanoseconds; None where there is no frame."""
+        """Return the oldest frame's stamp in nanoseconds; None where there is no frame."""
         return self._frames[0][0] if self._frames else None
 
     def append(self, stamp: int, frame: Frame) -> None:
@@ -229,7 +230,7 @@ class Selector:
 
     @property
     def pending(self) -> Selection | None:
-        """The selection that waits for its frame."""
+        """Return the selection that waits for its frame."""
         return self._pending
 
     def clear(self) -> None:

@@ -1,0 +1,179 @@
+"""Pictures of what a tracker does: box, truth, particles, trail, and sheets and videos of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import Estimate, Frame, TrackState
+
+#: Colours, in BGR.
+TRUTH = (255, 255, 255)
+PARTICLE = (255, 200, 0)
+TRAIL = (0, 220, 255)
+STATES = {
+    TrackState.TRACKING: (60, 220, 60),
+    TrackState.SEARCHING: (0, 160, 255),
+    TrackState.LOST: (60, 60, 230),
+}
+#: Fixed-point bits of the coordinates, so that lines lie between pixels too.
+_BITS = 4
+#: Pictures are enlarged by whole factors up to this width.
+_LEGIBLE = 480
+#: The radius of a Gaussian's 90 % ellipse.
+_RADIUS = math.sqrt(-2 * math.log(0.1))
+
+
+class Canvas:
+    """
+    A picture of a frame, enlarged until it can be read, to draw on in pixels of the frame.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        Isn't changed.
+    enlarge : bool
+        Whether a small frame is enlarged.
+
+    """
+
+    def __init__(self, frame: Frame, enlarge: bool = True) -> None:
+        colour = cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR) if frame.ndim == 2 else frame.copy()
+        self._scale = max(1, round(_LEGIBLE / frame.shape[1])) if enlarge else 1
+        if self._scale > 1:
+            colour = cv2.resize(colour, None, fx=self._scale, fy=self._scale,
+                                interpolation=cv2.INTER_NEAREST)
+        self.picture: Frame = np.asarray(colour, np.uint8)
+
+    def box(self, box: Box, colour: tuple[int, int, int], thickness: int = 2) -> None:
+        """Draw a box."""
+        x, y, width, height = box.as_array()
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        self._lines(corners, colour, thickness, closed=True)
+
+    def affine(self, affine: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
+        """Draw the image of the unit square about the origin."""
+        square = np.array([[-.5, -.5, 1], [.5, -.5, 1], [.5, .5, 1], [-.5, .5, 1]])
+        self._lines((square @ affine.T)[:, :2], colour, 2, closed=True)
+
+    def ellipse(self, box: Box, covariance: NDArray[np.float64],
+                colour: tuple[int, int, int]) -> None:
+        """Draw the ellipse that holds the centre with 90 %; the covariance is (>= 2, >= 2)."""
+        values, vectors = np.linalg.eigh(covariance[:2, :2])
+        axes = vectors * (_RADIUS * np.sqrt(np.maximum(values, 0)))
+        turns = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+        outline = np.array(box.center) + np.stack([np.cos(turns), np.sin(turns)], 1) @ axes.T
+        self._lines(outline, colour, 1, closed=True)
+
+    def particles(self, centers: NDArray[np.float64]) -> None:
+        """Draw particles; the centres have shape (N, >= 2)."""
+        for x, y in self._fixed(np.asarray(centers)[:, :2]):
+            cv2.circle(self.picture, (int(x), int(y)), 1 << _BITS, PARTICLE, -1,
+                       cv2.LINE_AA, _BITS)
+
+    def trail(self, centers: Sequence[tuple[float, float]]) -> None:
+        """Draw the way that the target took."""
+        if len(centers) > 1:
+            self._lines(np.array(centers), TRAIL, 1, closed=False)
+
+    def text(self, text: str, colour: tuple[int, int, int] = TRUTH) -> None:
+        """Write a line into the top left corner."""
+        for thickness, shade in ((3, (0, 0, 0)), (1, colour)):
+            cv2.putText(self.picture, text, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, shade,
+                        thickness, cv2.LINE_AA)
+
+    def estimate(self, estimate: Estimate) -> None:
+        """Draw all that a tracker knows."""
+        colour = STATES[estimate.state]
+        if estimate.particles is not None and len(estimate.particles):
+            self.particles(estimate.particles)
+        if estimate.affine is not None:
+            self.affine(estimate.affine, colour)
+        self.box(estimate.box, colour, 2 if estimate.measured else 1)
+        self.ellipse(estimate.box, estimate.covariance, colour)
+
+    def _fixed(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+        # A box may lie anywhere: beyond these bounds OpenCV's integers would overflow.
+        limit = 1e6
+        scaled = np.clip(np.nan_to_num(points), -limit, limit) * self._scale - 0.5
+        return np.asarray(np.round(scaled * (1 << _BITS)), np.int32)
+
+    def _lines(self, points: NDArray[np.float64], colour: tuple[int, int, int], thickness: int,
+               closed: bool) -> None:
+        cv2.polylines(self.picture, [self._fixed(points)], closed, colour, thickness,
+                      cv2.LINE_AA, _BITS)
+
+
+def contact_sheet(pictures: Sequence[Frame], columns: int = 4, gap: int = 4) -> Frame:
+    """
+    Return pictures of one size side by side, row by row.
+
+    Raises
+    ------
+    ValueError
+        If there is no picture, or they differ in size.
+
+    """
+    sizes = {picture.shape for picture in pictures}
+    if len(sizes) != 1:
+        raise ValueError(f'a contact sheet needs pictures of one size, not {sorted(sizes)}')
+    height, width = pictures[0].shape[:2]
+    rows = -(-len(pictures) // columns)
+    sheet = np.full((rows * (height + gap) + gap, columns * (width + gap) + gap, 3), 32, np.uint8)
+    for index, picture in enumerate(pictures):
+        row, column = divmod(index, columns)
+        top, left = gap + row * (height + gap), gap + column * (width + gap)
+        sheet[top:top + height, left:left + width] = picture
+    return sheet
+
+
+class Video:
+    """
+    Writes pictures of one size into an MP4 file; a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    rate : float, [Hz]
+        The frames per second.
+
+    Raises
+    ------
+    OSError
+        If the file can't be written.
+
+    """
+
+    def __init__(self, path: Path, rate: float) -> None:
+        self._path = path
+        self._rate = rate
+        self._writer: Any = None
+
+    def __enter__(self) -> Video:
+        """Return the video."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Finish the file."""
+        if self._writer is not None:
+            self._writer.release()
+
+    def write(self, picture: Frame) -> None:
+        """Append a picture."""
+        if self._writer is None:
+            height, width = picture.shape[:2]
+            code = cv2.VideoWriter.fourcc(*'mp4v')
+            self._writer = cv2.VideoWriter(str(self._path), code, self._rate, (width, height))
+            if not self._writer.isOpened():
+                raise OSError(f'cannot write the video {self._path}')
+        self._writer.write(picture)
