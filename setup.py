@@ -38,6 +38,7 @@ setup(
     entry_points={
         'console_scripts': [
             f'tracker = {name}.node.main:main',
+            f'tracker_lifecycle = {name}.node.main:lifecycle_main',
             f'vtrack = {name}.cli.main:main',
         ],
     },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+import os
 import signal
 import sys
 from types import FrameType
@@ -42,6 +43,9 @@ def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> in
         0 after a signal, 2 if a parameter was wrong from the start.
 
     """
+    # A target is too small for the threads of a matrix product to pay; on a robot they only take
+    # the time of others. Read when NumPy is loaded, which is later.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     # ROS takes a while to load; a signal in that time must end the process as cleanly as later.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
@@ -56,10 +60,12 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
+    import cv2
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
+    cv2.setNumThreads(1)
     rclpy.init(args=None if arguments is None else list(arguments))
     node = None
     try:

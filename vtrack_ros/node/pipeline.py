@@ -40,7 +40,7 @@ class Pipeline:
         self._log = node.get_logger()
         self._camera: Camera | None = None
         self._view = DebugView()
-        self._word = 'waiting'
+        self._word = 'inactive'
         self._units = ''
         vision = optional(
             'vision_msgs', 'there are no boxes, and targets come by ~/init_roi or init_box', node)

@@ -6,11 +6,14 @@ from collections.abc import Sequence
 import time
 from typing import Any, Protocol
 
+import numpy as np
+
 from vtrack_ros.follower import Follower
+from vtrack_ros.geometry import Box
 from vtrack_ros.ros.parameters import INIT_BOX, Settings
 from vtrack_ros.ros.selection import (
     best_detection, FrameHistory, from_detection, from_roi, Selection, Selector)
-from vtrack_ros.trackers import Estimate, Frame, TrackState
+from vtrack_ros.trackers import create_tracker, Estimate, Frame, TrackState
 
 #: The same refusal is said at most once in that many seconds.
 QUIET = 2.0
@@ -52,6 +55,7 @@ class Target:
         self._refused = ('', 0.0)
         self._count = 0
         self.identity = ('target', '')
+        self._warm_up()
         self.begin_stream()
 
     @property
@@ -169,6 +173,20 @@ class Target:
                 self._selector.select(Selection(settings.init_box, _FROM_PARAMETER))
             elif pending is not None and pending.source == _FROM_PARAMETER:
                 self._selector.clear()
+
+    def _warm_up(self) -> None:
+        """
+        Load what a tracker loads with its first frames.
+
+        Otherwise that would take the time of several frames just when the target is selected.
+
+        """
+        ground = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)
+        settings = self._settings.trackers.get(self.tracker, {})
+        tracker = create_tracker(self.tracker, seed=0, **settings)
+        tracker.start(ground, Box(60, 40, 40, 40))
+        for _ in range(3):
+            tracker.update(ground)
 
     def _started(self) -> Estimate | None:
         """Start on the selection whose frame is there; None where there's none."""

@@ -1,0 +1,57 @@
+"""The managed node: the same node, brought up in steps."""
+
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from node_harness import Client, NodeProcess, overlap, Scene, STEP
+
+SCENE = Scene()
+
+
+def change(client, transition):
+    """Ask for a transition; return the state after it."""
+    answer = client.ask('~/change_state', ChangeState, transition=Transition(id=transition))
+    assert answer.success
+    return client.ask('~/get_state', GetState).current_state.id
+
+
+def test_from_unconfigured_to_finalized():
+    """Images are taken while active alone; deactivating keeps the target, cleaning up doesn't."""
+    box = SCENE.box(0)
+    init = f'[{box.x}, {box.y}, {box.width}, {box.height}]'
+    with NodeProcess(entry='lifecycle_main', init_box=init), Client() as client:
+        assert client.parameters.wait_for_services(20)
+        assert client.ask('~/get_state', GetState).current_state.id == (
+            State.PRIMARY_STATE_UNCONFIGURED)
+        assert client.images.get_subscription_count() == 0
+        result, = client.change(gmpf__particles=0)
+        assert not result.successful
+        assert client.change(gmpf__particles=120)[0].successful
+
+        assert change(client, Transition.TRANSITION_CONFIGURE) == State.PRIMARY_STATE_INACTIVE
+        client.until(lambda: client.heard['~/state'], 'no state')
+        assert client.heard['~/state'][-1].message == 'inactive'
+        assert client.images.get_subscription_count() == 0
+
+        assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
+        client.until(lambda: client.images.get_subscription_count(), 'takes no images')
+        for index, answer in enumerate(client.play(SCENE, range(5))):
+            assert overlap(answer, SCENE.box(index)) > 0.5
+
+        assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
+        client.until(lambda: not client.images.get_subscription_count(), 'still takes images')
+        assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
+        client.until(lambda: client.images.get_subscription_count(), 'takes no images')
+        answer = client.send(SCENE.frame(5), 10**9 + 5 * STEP)
+        assert overlap(answer, SCENE.box(5)) > 0.4
+
+        assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
+        assert change(client, Transition.TRANSITION_CLEANUP) == State.PRIMARY_STATE_UNCONFIGURED
+        client.until(lambda: client.node.count_publishers('/pose') == 0, 'still publishes')
+        assert client.change(init_box=[])[0].successful
+        assert change(client, Transition.TRANSITION_CONFIGURE) == State.PRIMARY_STATE_INACTIVE
+        assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
+        client.until(lambda: client.images.get_subscription_count(), 'takes no images')
+        client.until(lambda: client.node.count_publishers('/detections'), 'does not publish')
+        assert not client.send(SCENE.frame(6), 10**9 + 6 * STEP).detections
+        assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN) == (
+            State.PRIMARY_STATE_FINALIZED)
