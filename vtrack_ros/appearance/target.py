@@ -26,7 +26,7 @@ _LABEL_WIDTH = 1 / 16
 #: Weight of the colour evidence in the sum; the rest is the correlation filter's.
 _COLOUR_WEIGHT = 0.3
 #: An example that is off the middle by more than this many cells is sampled anew.
-_CENTRED = 1.5
+_CENTRED = 2.0
 
 _RATE = 0.02
 _COLOUR_RATE = 0.04

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_peak
 from vtrack_ros.appearance.foreground import box_mean
 from vtrack_ros.appearance.target import Point, TargetModel, View
-from vtrack_ros.appearance.templates import TemplateMemory
+from vtrack_ros.appearance.template import Template
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers.base import Estimate, TrackState
@@ -33,7 +33,7 @@ _JUMP_GAIN = 0.1
 _JUMP_FRAMES = 3
 #: A place is worth verifying where the evidence has this share of its mean.
 _WORTH_VERIFYING = 0.5
-_REMEMBER_EVERY = 15
+_SCALE_EVERY, _LEARN_EVERY = 2, 1
 _LOST_FRAMES = 30
 #: Likeness at which on and off the target are even, and the width of the transition.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.25, 0.07
@@ -50,7 +50,6 @@ class Hypothesis:
     Parameters
     ----------
     model : TargetModel
-    memory : TemplateMemory
     center, size : tuple of float, [px]
     evidence_mean, likeness_mean : float
         What's usual for this target.
@@ -58,7 +57,6 @@ class Hypothesis:
     """
 
     model: TargetModel
-    memory: TemplateMemory
     center: Point
     size: Point
     evidence_mean: float
@@ -156,16 +154,16 @@ class DiscriminativeTarget:
         around = [model.view(frame, (center[0] + 1.2 * size[0] * np.cos(turn),
                                      center[1] + 1.2 * size[1] * np.sin(turn)), size)
                   for turn in turns]
-        memory = TemplateMemory.create(model.middle(view.features),
-                                       [model.middle(other.features) for other in around], mean)
+        self._template = Template.create(
+            model.middle(view.features),
+            [model.middle(other.features) for other in around], mean)
         evidence = model.evidence(view, model.transform(view))
-        self.live = Hypothesis(model, memory, center, size, float(evidence.max()), 1.0)
+        self.live = Hypothesis(model, center, size, float(evidence.max()), 1.0)
         self._first_size = size
         self._snapshot: Hypothesis | None = None
         self._velocity = np.zeros(2)
         self._fresh = True
         self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
-        self._frames_since_look = 0
         self.out_of_sight_frames = 0
         self.likeness = 1.0
 
@@ -254,17 +252,18 @@ class DiscriminativeTarget:
         model = live.model
         shift = ((center[0] - view.center[0]) / sighting.cell[0],
                  (center[1] - view.center[1]) / sighting.cell[1])
-        factor, steps, scales = model.growth(view, shift)
-        if self.out_of_sight_frames:
-            factor, steps = 1.0, 0.0
-        size = _bounded((live.size[0] * factor, live.size[1] * factor), self._first_size)
-        if model.is_centred(shift):
-            model = model.learned(view, spectrum, shift).learned_scale(view, scales, shift, steps)
-        else:
-            view, shift = model.view(frame, center, size), (0.0, 0.0)
-            model = model.learned(view, model.transform(view)).learned_scale(view)
-        self._look = live.memory.look(model.middle(view.features, shift))
-        self.likeness = live.memory.likeness(self._look)
+        size = live.size
+        self._frames = getattr(self, '_frames', 0) + 1
+        if self._frames % _SCALE_EVERY == 0:
+            factor, steps, scales = model.growth(view, shift)
+            size = _bounded((live.size[0] * factor, live.size[1] * factor), self._first_size)
+            model = model.learned_scale(view, scales, shift, steps)
+        if self._frames % _LEARN_EVERY == 0 or not model.is_centred(shift):
+            if not model.is_centred(shift):
+                view, shift = model.view(frame, center, size), (0.0, 0.0)
+                spectrum = model.transform(view)
+            model = model.learned(view, spectrum, shift, float(_LEARN_EVERY))
+        self.likeness = self._template.likeness(model.middle(view.features, shift))
         return replace(live, model=model, center=center, size=size)
 
     def _judge(self, before: Hypothesis, peak: float, dt: float) -> None:
@@ -280,12 +279,8 @@ class DiscriminativeTarget:
             return
         step = np.subtract(self.live.center, before.center) / dt
         self._velocity = 0.7 * self._velocity + 0.3 * step
-        memory = self.live.memory
-        self._frames_since_look += 1
-        if self._frames_since_look >= _REMEMBER_EVERY and peak > 0.8 * evidence:
-            memory, self._frames_since_look = memory.remembering(self._look), 0
         self.live = replace(
-            self.live, memory=memory, evidence_mean=evidence + _MEAN_RATE * (peak - evidence),
+            self.live, evidence_mean=evidence + _MEAN_RATE * (peak - evidence),
             likeness_mean=likeness + _MEAN_RATE * (self.likeness - likeness))
 
     def _search(self, frame: Frame, peak: float, dt: float) -> bool:
@@ -302,7 +297,7 @@ class DiscriminativeTarget:
         changed = (self._doubtful_frames > _ACCEPTED_FRAMES and relative >= _OUT_OF_SIGHT
                    and peak > 0.8 * usual)
         if self._trusted_frames >= _TRUSTED_FRAMES or changed:
-            self._snapshot, self._frames_since_look = None, 0
+            self._snapshot = None
             mean = max(self.likeness, 0.05) if changed else snapshot.likeness_mean
             self.live = replace(self.live, likeness_mean=mean)
             return False
@@ -316,7 +311,7 @@ class DiscriminativeTarget:
             return False
         self.likeness, center = found
         self.live = replace(snapshot, center=center)
-        self._snapshot, self._frames_since_look, self.out_of_sight_frames = None, 0, 0
+        self._snapshot, self.out_of_sight_frames = None, 0
         return True
 
     def _best_place(self, frame: Frame, snapshot: Hypothesis) -> tuple[float, Point] | None:
@@ -331,8 +326,7 @@ class DiscriminativeTarget:
             if not away.any():
                 continue
             view = snapshot.model.view(frame, center, snapshot.size)
-            look = snapshot.memory.look(snapshot.model.middle(view.features))
-            likeness = snapshot.memory.likeness(look)
+            likeness = self._template.likeness(snapshot.model.middle(view.features))
             if best is None or likeness > best[0]:
                 best = likeness, center
         return best
