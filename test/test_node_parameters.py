@@ -49,8 +49,8 @@ def test_declared_from_the_table(talk):
     described = client.ask('~/describe_parameters', DescribeParameters, names=names).descriptors
     values = client.get(*names)
     for row, told, value in zip(table.values(), described, values):
-        assert value == row.default and type(value) is row.type
-        assert told.type == TYPES[row.type]
+        assert value == row.default and type(value) is row.kind
+        assert told.type == TYPES[row.kind]
         assert row.description in told.description
         assert told.read_only == (not row.dynamic)
         ranges = [*told.integer_range, *told.floating_point_range]

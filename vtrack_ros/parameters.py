@@ -45,17 +45,17 @@ class Parameter:
     dynamic: bool = True
 
     @property
-    def type(self) -> type[Value]:
-        """The type of the values."""
+    def kind(self) -> type[Value]:
+        """Return the type of the values."""
         return type(self.default)
 
     @property
     def valid(self) -> str:
-        """What is valid, in words."""
+        """Say what is valid, in words."""
         if self.choices:
             return 'one of ' + ', '.join(self.choices)
         words = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
-        text = words[self.type]
+        text = words[self.kind]
         if self.low is not None and self.high is not None:
             text += f' from {self.low:g} to {self.high:g}'
         return text + (f' {self.unit}' if self.unit else '')
@@ -72,7 +72,7 @@ class Parameter:
             If it's outside the range, not finite, or not among the choices.
 
         """
-        kind = self.type
+        kind = self.kind
         if kind is bool or isinstance(value, bool):
             fits = kind is bool and isinstance(value, bool)
         elif kind is int:
@@ -97,10 +97,10 @@ class Parameter:
         """Return the value that `text` spells, as on a command line; errors as `checked`."""
         value: Value = text
         try:
-            if self.type is bool:
+            if self.kind is bool:
                 value = {'true': True, 'false': False}[text.lower()]
-            elif self.type is not str:
-                value = self.type(text)
+            elif self.kind is not str:
+                value = self.kind(text)
         except (KeyError, ValueError):
             raise ValueError(f'{self.name} must be {self.valid}, not {text!r}') from None
         return self.checked(value)

@@ -30,6 +30,7 @@ def colour_names(pixels: Frame) -> NDArray[np.float32]:
     Parameters
     ----------
     pixels : ndarray of uint8, shape (rows, columns, 3)
+        The colours.
 
     Returns
     -------
@@ -51,9 +52,11 @@ def _table() -> NDArray[np.float32]:
     # the nearest name keeps a membership however far it is
     nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
     membership = nearness / nearness.sum(1, keepdims=True)
-    return (membership - membership.mean(0)).astype(np.float32)
+    table: NDArray[np.float32] = (membership - membership.mean(0)).astype(np.float32)
+    return table
 
 
 def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:
     converted = cv2.cvtColor(bgr.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
-    return converted.reshape(-1, 3).astype(np.float64)
+    lab: NDArray[np.float64] = converted.reshape(-1, 3).astype(np.float64)
+    return lab

@@ -22,7 +22,9 @@ class CorrelationFilter:
     Parameters
     ----------
     numerator : ndarray of complex64, shape (channels, rows, columns // 2 + 1)
+        Its running average.
     denominator : ndarray of float32, shape (rows, columns // 2 + 1)
+        Its running average.
     label : ndarray of complex64, shape (rows, columns // 2 + 1)
         Spectrum of the wanted response, whose peak is in the middle of the window.
     taper : ndarray of float32, shape (rows, columns, 1)
@@ -64,6 +66,7 @@ class CorrelationFilter:
         Parameters
         ----------
         spectrum : ndarray of complex64, shape (channels, rows, columns // 2 + 1)
+            Of the example.
         rate : float
             The example's weight in the running average; 1 forgets all that was before.
         shift : tuple of float, [cells]
@@ -103,6 +106,7 @@ def subcell_peak(response: NDArray[np.float32]) -> tuple[float, float, float]:
     Parameters
     ----------
     response : ndarray, shape (rows, columns)
+        The map.
 
     Returns
     -------

@@ -48,6 +48,7 @@ class ForegroundModel:
         Parameters
         ----------
         pixels : ndarray of uint8, shape (rows, columns, 3) or (rows, columns)
+            The colours.
         inner : tuple of int, [px]
             The target's (top, bottom, left, right) in `pixels`.
         rate : float
@@ -89,4 +90,6 @@ def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray
 
 
 def _normalised(histogram: NDArray[np.int64]) -> NDArray[np.float32]:
-    return (histogram / max(1, histogram.sum())).astype(np.float32)
+    normalised: NDArray[np.float32] = histogram.astype(np.float32)
+    normalised /= np.float32(max(1, int(histogram.sum())))
+    return normalised

@@ -81,7 +81,8 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
             continue
         # a little doubt is left, or two certain cues that contradict each other divide by zero
         trust = min(trust, 0.99)
-        for_target, for_other, for_unknown = trust * likelihood, trust * (1 - likelihood), 1 - trust
+        for_target, for_other = trust * likelihood, trust * (1 - likelihood)
+        for_unknown = 1 - trust
         target, other, unknown = (
             target * (for_target + for_unknown) + unknown * for_target,
             other * (for_other + for_unknown) + unknown * for_other,

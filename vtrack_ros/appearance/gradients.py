@@ -30,6 +30,7 @@ def oriented_gradients(grey: Frame, cell: int = 4) -> NDArray[np.float32]:
     Parameters
     ----------
     grey : ndarray of uint8, shape (rows * cell, columns * cell)
+        The image.
     cell : int, [px]
         Side of a cell.
 

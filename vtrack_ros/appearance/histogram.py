@@ -56,6 +56,7 @@ class ColourHistogram:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+            The image.
         boxes : ndarray, shape (N, 4), [px]
             (centre x, centre y, width, height).
         reference : ndarray, shape (bins,)
@@ -80,8 +81,11 @@ class ColourHistogram:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+            The image.
         box : ndarray, shape (4,), [px]
+            (centre x, centre y, width, height).
         reference : ndarray, shape (bins,)
+            The normalised histogram to compare with.
         steps : int
             At most that many.
 

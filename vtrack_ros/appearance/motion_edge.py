@@ -50,6 +50,7 @@ class MotionEdge:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+            The image.
         region : tuple of int, [px]
             (left, top, right, bottom), inside the frame.
 
@@ -106,7 +107,8 @@ class MotionEdge:
         along_x = cv2.Sobel(difference, cv2.CV_32F, 1, 0, ksize=3, scale=0.25)
         along_y = cv2.Sobel(difference, cv2.CV_32F, 0, 1, ksize=3, scale=0.25)
         angle = cv2.phase(along_x, along_y)
-        codes = (angle * (_DIRECTIONS / (2 * np.pi))).astype(np.intp) % _DIRECTIONS
+        codes: NDArray[np.intp] = (angle * (_DIRECTIONS / (2 * np.pi))).astype(np.intp)
+        codes %= _DIRECTIONS
         codes[np.abs(along_x) + np.abs(along_y) <= _EDGE] = _DIRECTIONS
         return codes
 

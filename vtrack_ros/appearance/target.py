@@ -64,7 +64,7 @@ class Layout:
 
     @property
     def target(self) -> Point:
-        """The target's (width, height) in cells."""
+        """Return the target's (width, height) in cells."""
         return self.columns / self.reach[0], self.rows / self.reach[1]
 
     def cell(self, size: Point) -> Point:
@@ -82,7 +82,9 @@ class View:
     center, size : tuple of float, [px]
         The window's centre in the frame, and the size of a target that fills its middle.
     pixels : ndarray of uint8, shape (4 * rows, 4 * columns[, 3])
+        The colours.
     grey : ndarray of uint8, shape (4 * rows, 4 * columns)
+        The image.
     small : ndarray of uint8, shape (2 * rows, 2 * columns[, 3])
     features : ndarray of float32, shape (rows, columns, channels)
 
@@ -175,6 +177,7 @@ class TargetModel:
         Parameters
         ----------
         view : View
+            The window that was looked at.
         shift : tuple of float, [cells]
             The target's place from the view's centre.
 
@@ -191,6 +194,7 @@ class TargetModel:
         Parameters
         ----------
         view : View
+            The window that was looked at.
         spectrum : ndarray of complex64
             The view's.
         shift : tuple of float, [cells]

@@ -19,6 +19,7 @@ def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, 
     Parameters
     ----------
     frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        The image.
     center, size : tuple of float, [px]
         The window's centre (x, y) and size (width, height).
     shape : tuple of int

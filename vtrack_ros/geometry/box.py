@@ -61,12 +61,12 @@ class Box:
 
     @property
     def center(self) -> tuple[float, float]:
-        """The centre (x, y), in pixels."""
+        """Return the centre (x, y), in pixels."""
         return self.x + self.width / 2, self.y + self.height / 2
 
     @property
     def area(self) -> float:
-        """The area, in square pixels."""
+        """Return the area, in square pixels."""
         return self.width * self.height
 
     def as_array(self) -> NDArray[np.float64]:

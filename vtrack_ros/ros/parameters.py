@@ -160,11 +160,11 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
         additional_constraints='valid: ' + row.valid)
     if row.low is None and row.high is None:
         return result
-    if row.type is int:
+    if row.kind is int:
         low = -2**63 if row.low is None else int(row.low)
         high = 2**63 - 1 if row.high is None else int(row.high)
         result.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
-    elif row.type is float:
+    elif row.kind is float:
         largest = sys.float_info.max
         low_value = -largest if row.low is None else float(row.low)
         high_value = largest if row.high is None else float(row.high)

@@ -98,7 +98,7 @@ class Tracker(ABC):
 
     @property
     def parameters(self) -> dict[str, Value]:
-        """A copy of the parameters in force."""
+        """Return a copy of the parameters in force."""
         return dict(self._parameters)
 
     def configure(self, **changes: Any) -> None:
@@ -121,6 +121,7 @@ class Tracker(ABC):
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The image.
         box : Box
             May reach beyond the image, but needs a part inside it.
 

@@ -50,7 +50,9 @@ class Hypothesis:
     Parameters
     ----------
     model : TargetModel
+        The model.
     center, size : tuple of float, [px]
+        The centre and the size.
     evidence_mean, likeness_mean : float
         What's usual for this target.
 
@@ -71,7 +73,9 @@ class Sighting:
     Parameters
     ----------
     view : View
+        The window that was looked at.
     spectrum : ndarray of complex64
+        Of the example.
     evidence : ndarray of float32, shape (rows, columns)
         The view's centre is at [rows // 2, columns // 2].
     peak : float
@@ -191,8 +195,11 @@ class DiscriminativeTarget:
             The filter's own, of (centre x, centre y, width, height); what no filter knows (the
             error of the model itself) is added.
         angle : float, [rad]
+            The rotation.
         particles : ndarray, shape (N, 4), [px], optional
+            The filter's own, to be drawn.
         affine : ndarray, shape (3, 3), optional
+            The affine frame.
         box : Box, optional
             The box, where it isn't the live belief's own.
 
@@ -227,11 +234,13 @@ class DiscriminativeTarget:
         Parameters
         ----------
         frame : ndarray of uint8
+            The image.
         sighting : Sighting
             Of `look`.
         center : tuple of float, [px]
             The place that the tracker decided for.
         dt : float, [frames]
+            The time since the last frame.
 
         Returns
         -------

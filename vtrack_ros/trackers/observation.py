@@ -28,6 +28,7 @@ class Measurement:
     Parameters
     ----------
     center : ndarray, shape (2,), [px]
+        The centre.
     covariance : ndarray, shape (2, 2), [px^2]
 
     """
@@ -48,6 +49,7 @@ class Conclusion:
     confidence : float
         In [0, 1].
     state : TrackState
+        Whether it was measured.
     jumped : bool
         Whether it was found elsewhere, so that the particles have to follow.
 
@@ -81,6 +83,7 @@ class Observation(ABC):
         Parameters
         ----------
         frame : ndarray of uint8
+            The image.
         box, predicted : ndarray, shape (4,), [px]
             The box in the last frame, and where it should be now.
 

@@ -29,11 +29,11 @@ Array = NDArray[np.float64]
 _VELOCITIES = {2: 0, 3: 1}
 
 PARTICLE_PARAMETERS = ParameterTable([
-    Parameter('preset', 'default', 'The paper\'s own cues, or the strongest that there are; in '
+    Parameter('preset', 'default', "The paper's own cues, or the strongest that there are; in "
               'force at the next start.', choices=('default', 'paper')),
     Parameter('particles', 150, 'Number of particles.', 2, 5000),
     Parameter('acceleration', 0.1, 'Standard deviation of the change of velocity a frame, as a '
-              'share of the target\'s mean side.', 0.001, 2.0),
+              "share of the target's mean side.", 0.001, 2.0),
     Parameter('size_noise', 0.02, 'Standard deviation of the change of size a frame, as a share '
               'of the mean side (paper preset).', 0.001, 0.5),
     Parameter('cues', 'colour', 'Cues of the paper preset.',
@@ -62,6 +62,7 @@ class ParticleTracker(Tracker):
 
     PARAMETERS = PARTICLE_PARAMETERS
     _kernel = 'flat'
+    _filter: ParticleFilter
 
     @abstractmethod
     def _proposal(self, model: ConstantVelocity) -> Proposal:
@@ -194,7 +195,7 @@ class GreyParticleFilter(ParticleTracker):
     PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
         Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
                   unit='frames'),
-        Parameter('floor', 1.0, 'How much of the process noise is added to the proposal\'s '
+        Parameter('floor', 1.0, "How much of the process noise is added to the proposal's "
                   'covariance.', 0.001, 100.0),
     ])
 

@@ -16,10 +16,12 @@ from vtrack_ros.trackers.particle import (
 _CLASSES: tuple[type[Tracker], ...] = (
     GreyParticleFilter,
     PrunedQuadratureParticleFilter,
+    MeanShiftParticleFilter,
     ColourParticleFilter,
     KalmanParticleFilter,
     UnscentedParticleFilter,
     QuadratureParticleFilter,
+    AdaptiveBandwidthMeanShift,
 )
 _REGISTRY = {cls.NAME: cls for cls in _CLASSES}
 
