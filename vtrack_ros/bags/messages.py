@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.ros.images import fill_image
-from vtrack_ros.trackers import Frame
+from vtrack_ros.frame import Frame
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
@@ -102,20 +102,21 @@ def detections(
     stamp : int, [ns]
     frame_id : str
     angle : float, [rad]
-        What theta is set to.
+        The rotation about the optical axis, which goes into the hypothesis' pose.
     score : float
+        How sure it is, from 0 to 1.
 
     """
     found = []
     if box is not None:
+        x, y = box.center
         hypothesis = _make('vision_msgs/msg/ObjectHypothesis', class_id='target', score=score)
         result = _make(
             'vision_msgs/msg/ObjectHypothesisWithPose', hypothesis=hypothesis,
-            pose=_make('geometry_msgs/msg/PoseWithCovariance', pose=_pose(0.0, 0.0, 0.0),
+            pose=_make('geometry_msgs/msg/PoseWithCovariance', pose=_pose(x, y, angle),
                        covariance=np.zeros(36)))
-        x, y = box.center
         center = _make('vision_msgs/msg/Pose2D',
-                       position=_make('vision_msgs/msg/Point2D', x=x, y=y), theta=angle)
+                       position=_make('vision_msgs/msg/Point2D', x=x, y=y), theta=0.0)
         bounds = _make('vision_msgs/msg/BoundingBox2D', center=center, size_x=box.width,
                        size_y=box.height)
         found.append(_make('vision_msgs/msg/Detection2D', header=header(stamp, frame_id),

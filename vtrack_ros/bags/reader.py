@@ -10,7 +10,7 @@ import struct
 from types import TracebackType
 from typing import Any
 
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosReliability
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError as Ros1ReaderError
 from rosbags.rosbag2 import Reader as Ros2Reader
@@ -21,9 +21,9 @@ from rosbags.typesys import TypesysError
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.ros.images import compressed_to_frame, stamp_nanoseconds, to_frame
-from vtrack_ros.trackers import Frame
 
 # What rosbags and the storage below it raise on data that isn't as it should be.
 _BROKEN = (
@@ -34,11 +34,26 @@ _BROKEN = (
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag: its name, its message type, and how many messages it has."""
+    """
+    A topic of a bag.
+
+    Parameters
+    ----------
+    name : str
+        With a leading slash, as ROS writes it.
+    type : str
+        Of its messages, such as ``sensor_msgs/msg/Image``.
+    count : int
+        How many messages there are.
+    reliable : bool
+        Whether its publisher offered reliable transport; so it's taken where that isn't known.
+
+    """
 
     name: str
     type: str
     count: int
+    reliable: bool = True
 
 
 @dataclass(frozen=True)
@@ -125,7 +140,8 @@ class BagReader:
         for connection in self._reader.connections:
             earlier = found.get(connection.topic)
             count = connection.msgcount + (earlier.count if earlier else 0)
-            found[connection.topic] = Topic(connection.topic, connection.msgtype, count)
+            found[connection.topic] = Topic(
+                connection.topic, connection.msgtype, count, _reliable(connection))
         return found
 
     @property
@@ -282,3 +298,10 @@ class BagReader:
         text = reason[0] if reason else type(error).__name__
         place = f' {where}' if where else ''
         return BagError(f'{self.path} is broken or truncated{place}: {text}')
+
+
+def _reliable(connection: Connection) -> bool:
+    if not isinstance(connection.ext, ConnectionExtRosbag2):
+        return True
+    profiles = connection.ext.offered_qos_profiles
+    return all(profile.reliability is not QosReliability.BEST_EFFORT for profile in profiles)

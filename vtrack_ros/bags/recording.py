@@ -7,8 +7,8 @@ from pathlib import Path
 
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.writer import BagWriter
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers import Frame
 
 #: The stamp of the first frame, in nanoseconds: not zero, which ROS takes for "no time".
 FIRST_STAMP = 1_000 * 1_000_000_000

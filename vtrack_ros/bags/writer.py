@@ -16,8 +16,8 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.truth import TRUTH_FILE, TRUTH_TOPIC, write_truth
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers import Frame
 
 #: The storage formats of rosbag2 that we write.
 STORAGES = ('mcap', 'sqlite3')

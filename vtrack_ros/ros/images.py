@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.trackers import Frame
+from vtrack_ros.frame import Frame
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,230 @@
+"""Publishing a bag over ROS, at the pace at which it was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+import threading
+import time
+from typing import Any
+
+from vtrack_ros.bags import messages
+from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.reader import BagReader, RawMessage, Topic
+
+#: How long the player waits for reliable subscribers to have everything, in seconds.
+_FAREWELL = 2.0
+
+
+@dataclass(frozen=True)
+class Pace:
+    """
+    How a bag is played.
+
+    Parameters
+    ----------
+    rate : float
+        2 plays twice as fast as recorded.
+    loop : bool
+        Whether to begin again at the end, until stopped.
+    clock : float, [Hz]
+        How often the bag's time is published on ``/clock``; 0 for never.
+    wait : float, [s]
+        How long to wait, at most, for a subscriber to the images before the first message.
+
+    """
+
+    rate: float = 1.0
+    loop: bool = False
+    clock: float = 0.0
+    wait: float = 0.0
+
+
+@dataclass
+class Played:
+    """What was published: topic -> number of messages, how many were images, and the time."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+    images: int = 0
+    seconds: float = 0.0
+
+
+class Player:
+    """
+    Publishes the raw messages of a bag through a node; a context manager.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+        Whose publishers are used.
+    bag : BagReader
+        An open bag.
+    topics : iterable of str, optional
+        Which topics to play; by default all.
+    names : mapping of str to str
+        Topic in the bag -> topic to publish on, where they differ.
+    reliability : {'auto', 'reliable', 'best_effort'}
+        'auto' offers what was offered at recording.
+
+    Raises
+    ------
+    BagError
+        If a topic isn't in the bag, or none can be played.
+
+    """
+
+    def __init__(self, node: Any, bag: BagReader, topics: Iterable[str] | None = None,
+                 names: Mapping[str, str] | None = None, reliability: str = 'auto') -> None:
+        self._node = node
+        self._bag = bag
+        self._names = {_absolute(old): _absolute(new) for old, new in (names or {}).items()}
+        self._reliability = reliability
+        self._publishers: dict[str, Any] = {}
+        self._images: set[str] = set()
+        self.skipped: list[str] = []
+        self.topics = self._chosen(topics)
+        for topic in self.topics:
+            self._publishers[topic.name] = self._publisher(topic)
+            if topic.type in messages.IMAGE_TYPES:
+                self._images.add(topic.name)
+        self.stop = threading.Event()
+
+    def __enter__(self) -> Player:
+        """Return the player."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Take the publishers down."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+
+    def published_name(self, topic: str) -> str:
+        """Return the name that a topic of the bag is published on."""
+        return self._names.get(topic, topic)
+
+    def wait_for_subscribers(self, seconds: float) -> bool:
+        """Wait until all images have a subscriber (everything, without images) or time is up."""
+        needed = [self._publishers[name] for name in self._images or self._publishers]
+        deadline = time.monotonic() + seconds
+        while not self.stop.is_set():
+            if all(publisher.get_subscription_count() for publisher in needed):
+                return True
+            if time.monotonic() >= deadline:
+                return False
+            self.stop.wait(0.01)
+        return False
+
+    def play(self, pace: Pace) -> Played:
+        """
+        Publish until the end, or until `stop` is set.
+
+        Every message has its time from the first one's, so that delays don't add up.
+
+        Raises
+        ------
+        BagError
+            If the bag turns out to be broken.
+
+        """
+        played = Played({self.published_name(topic.name): 0 for topic in self.topics})
+        clock = self._clock_publisher() if pace.clock else None
+        began = time.monotonic()
+        while True:
+            self._play_once(pace, clock, played)
+            if self.stop.is_set() or not pace.loop:
+                break
+        played.seconds = time.monotonic() - began
+        self._take_leave()
+        return played
+
+    def _play_once(self, pace: Pace, clock: Any, played: Played) -> None:
+        began = time.monotonic()
+        first: int | None = None
+        tick = 0
+        for message in self._messages():
+            first = message.received if first is None else first
+            due = (message.received - first) / 1e9 / pace.rate
+            while clock is not None and tick / pace.clock <= due:
+                if not self._sleep_until(began + tick / pace.clock):
+                    return
+                clock(first + round(tick / pace.clock * pace.rate * 1e9))
+                tick += 1
+            if not self._sleep_until(began + due):
+                return
+            self._publishers[message.topic].publish(bytes(message.data))
+            played.counts[self.published_name(message.topic)] += 1
+            played.images += message.topic in self._images
+
+    def _messages(self) -> Iterator[RawMessage]:
+        return self._bag.raw({topic.name for topic in self.topics})
+
+    def _sleep_until(self, moment: float) -> bool:
+        """Wait; return False if stopped."""
+        left = moment - time.monotonic()
+        return not (self.stop.wait(left) if left > 0 else self.stop.is_set())
+
+    def _take_leave(self) -> None:
+        """Let reliable subscribers get what was sent last, before the publishers go."""
+        from rclpy.duration import Duration
+        deadline = time.monotonic() + _FAREWELL
+        for publisher in self._publishers.values():
+            left = max(0.0, deadline - time.monotonic())
+            publisher.wait_for_all_acked(Duration(seconds=left))
+
+    def _chosen(self, wanted: Iterable[str] | None) -> list[Topic]:
+        known = self._bag.topics
+        if wanted is None:
+            chosen = [topic for topic in known.values() if topic.count]
+        else:
+            names = [_absolute(name) for name in wanted]
+            for name in names:
+                if name not in known:
+                    raise BagError(f'{self._bag.path} has no topic {name}; it has ' +
+                                   ', '.join(known))
+            chosen = [known[name] for name in dict.fromkeys(names)]
+        playable = []
+        for topic in chosen:
+            try:
+                _message_class(topic.type)
+            except (AttributeError, ImportError):
+                package = topic.type.partition('/')[0]
+                self.skipped.append(f'{topic.name}: {topic.type} needs the package {package}, '
+                                    'which is not installed')
+            else:
+                playable.append(topic)
+        if not playable:
+            raise BagError(f'{self._bag.path}: nothing to play; ' + '; '.join(self.skipped))
+        return playable
+
+    def _publisher(self, topic: Topic) -> Any:
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        reliable = topic.reliable
+        if self._reliability != 'auto':
+            reliable = self._reliability == 'reliable'
+        policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        return self._node.create_publisher(
+            _message_class(topic.type), self.published_name(topic.name),
+            QoSProfile(depth=10, reliability=policy))
+
+    def _clock_publisher(self) -> Any:
+        from builtin_interfaces.msg import Time
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from rosgraph_msgs.msg import Clock
+        publisher = self._node.create_publisher(
+            Clock, '/clock', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+
+        def publish(now: int) -> None:
+            seconds, nanoseconds = divmod(now, 1_000_000_000)
+            publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+        return publish
+
+
+def _message_class(name: str) -> Any:
+    package, _, message = name.split('/')
+    return getattr(import_module(f'{package}.msg'), message)
+
+
+def _absolute(name: str) -> str:
+    return '/' + name.lstrip('/')

@@ -1,0 +1,57 @@
+"""`vtrack import`: bags of images and videos."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+import sys
+
+from vtrack_ros.bags.importing import open_source
+from vtrack_ros.bags.recording import record, Truth
+from vtrack_ros.cli.arguments import positive_number
+from vtrack_ros.cli.synth import add_storage_arguments
+from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.frame import Frame
+
+EXAMPLES = """examples:
+  vtrack import pictures/ --out bag --rate 30
+  vtrack import sequences/Crossing --out crossing        # img/ and groundtruth_rect.txt
+  vtrack import holiday.mp4 --out holiday --compress jpeg
+
+Images are taken in the order of their names, 2.png before 10.png. A groundtruth_rect.txt beside them (one box
+x,y,width,height a line, NaN where the target is absent) becomes the bag's truth."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument('path', type=Path, metavar='PATH', help='an image folder or a video file')
+    parser.add_argument('--out', type=Path, required=True, metavar='BAG',
+                        help='the bag to write; a new folder')
+    parser.add_argument('--rate', type=positive_number, metavar='HZ',
+                        help="frames per second (default: the video's, else 25)")
+    truth = parser.add_mutually_exclusive_group()
+    truth.add_argument('--truth', type=Path, metavar='FILE',
+                       help="true boxes (default: the folder's groundtruth_rect.txt)")
+    truth.add_argument('--no-truth', action='store_true', help='leave the truth out')
+    add_storage_arguments(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the bag."""
+    source = open_source(arguments.path, arguments.truth, arguments.no_truth)
+    show = ProgressBar(sys.stderr, 'frames')
+
+    def shown() -> Iterator[tuple[Frame, Truth]]:
+        for done, pair in enumerate(source.frames(), start=1):
+            if source.count is not None:
+                show(done, source.count)
+            yield pair
+
+    rate = arguments.rate or source.rate or 25.0
+    count = record(shown(), arguments.out, rate=rate, storage=arguments.format,
+                   compression=arguments.compress, topic=arguments.topic,
+                   with_truth=source.truth is not None)
+    about = 'without truth' if source.truth is None else 'with truth'
+    print(f'{arguments.out}: {count} frames at {rate:g} Hz, {about}')
+    return 0

@@ -1,0 +1,121 @@
+"""`vtrack play`: a bag on the air."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+import signal
+import sys
+from typing import Any
+
+from vtrack_ros.bags import BagReader
+from vtrack_ros.bags.player import Pace, Played, Player
+from vtrack_ros.cli.arguments import duration, positive_number
+from vtrack_ros.ros.dds_profile import with_profile
+
+EXAMPLES = """examples:
+  vtrack play bags/face_fast
+  vtrack play bags/face_fast --loop --rate 0.5 --clock
+  vtrack play BAG --topic camera/left --remap camera/left:=image
+
+Reads rosbag2 (mcap, sqlite3) and ROS 1 bags, needs no ros2 bag, and publishes the messages as they
+were recorded, stamps included. Ctrl-C ends it."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument('bag', type=Path, metavar='BAG',
+                        help='a rosbag2 folder, .mcap, .db3 or ROS 1 .bag')
+    parser.add_argument('--rate', type=positive_number, default=1.0, metavar='R',
+                        help='2 plays twice as fast (default: %(default)s)')
+    parser.add_argument('--loop', action='store_true', help='begin again at the end')
+    parser.add_argument('--clock', type=positive_number, nargs='?', const=40.0, default=0.0,
+                        metavar='HZ', help="publish the bag's time on /clock (at 40 Hz, or at HZ)")
+    parser.add_argument('--topic', '--topics', nargs='+', metavar='T', action='extend',
+                        help='play only these topics (default: all)')
+    parser.add_argument('--remap', nargs='+', type=_remap, action='extend', default=[],
+                        metavar='FROM:=TO', help='publish a topic under another name')
+    parser.add_argument('--qos', choices=('auto', 'reliable', 'best_effort'), default='auto',
+                        help='reliability to offer; auto: as recorded (default: %(default)s)')
+    parser.add_argument('--wait', type=duration, default=5.0, metavar='SECONDS',
+                        help='wait so long, at most, for a subscriber to the images '
+                        '(default: %(default)s; 0: begin at once)')
+    parser.add_argument('--json', action='store_true', help='print the final count as JSON')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Publish the bag; 0 also where a loop is ended by a signal, else 128 + the signal's number."""
+    with BagReader(arguments.bag) as bag:
+        rclpy = _rclpy()
+        context = rclpy.context.Context()
+        # Our own handlers end the player between two messages, after a last word.
+        rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        node = rclpy.create_node('vtrack_play', context=context)
+        try:
+            with Player(node, bag, arguments.topic, dict(arguments.remap),
+                        arguments.qos) as player:
+                return _play(player, bag, arguments)
+        finally:
+            node.destroy_node()
+            rclpy.try_shutdown(context=context)
+
+
+def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> int:
+    caught: list[int] = []
+
+    def stop(number: int, _: object) -> None:
+        caught.append(number)
+        player.stop.set()
+
+    earlier = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        # JSON has standard output for itself.
+        stream = sys.stderr if arguments.json else sys.stdout
+        for reason in player.skipped:
+            print(f'vtrack play: left out {reason}', file=sys.stderr)
+        for topic in player.topics:
+            print(f'{player.published_name(topic.name)}: {topic.count} {topic.type}', file=stream)
+        print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
+        if arguments.wait and not player.wait_for_subscribers(arguments.wait) and not caught:
+            print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',
+                  file=stream, flush=True)
+        played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock))
+        _report(played, arguments.json)
+    finally:
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
+    return 128 + caught[0] if caught and not arguments.loop else 0
+
+
+def _report(played: Played, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({'images': played.images, 'messages': played.counts,
+                          'seconds': round(played.seconds, 3)}), flush=True)
+        return
+    listed = ', '.join(f'{count} on {topic}' for topic, count in played.counts.items())
+    print(f'published {played.images} images in {played.seconds:.2f} s: {listed}', flush=True)
+
+
+def _remap(text: str) -> tuple[str, str]:
+    old, separator, new = text.partition(':=')
+    if not (old and separator and new):
+        raise argparse.ArgumentTypeError(f'must be FROM:=TO, not {text!r}')
+    return old, new
+
+
+def _rclpy() -> Any:
+    try:
+        # Without the profile's shared memory a best-effort subscriber misses large images.
+        os.environ.update(with_profile(os.environ))
+    except FileNotFoundError:
+        pass
+    try:
+        import rclpy
+        import rclpy.context
+    except ImportError as error:
+        raise ModuleNotFoundError(
+            'playing needs rclpy: source a ROS 2 installation, or run scripts/setup '
+            f'({error})') from None
+    return rclpy

@@ -1,0 +1,77 @@
+"""`vtrack synth`: scenes with exact truth."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+import sys
+
+from vtrack_ros.bags.recording import record, Truth
+from vtrack_ros.bags.writer import COMPRESSIONS, STORAGES
+from vtrack_ros.cli.arguments import image_size, positive_integer, positive_number, seed
+from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.frame import Frame
+from vtrack_ros.scenes import render, scene_info, scene_names
+
+EXAMPLES = """examples:
+  vtrack synth --list
+  vtrack synth face_fast --out face_fast
+  vtrack synth football --out football --size 1280x768 --rate 30 --seed 3
+
+The bag is a folder; the truth is its topic /truth and its file truth.csv. The same scene, size,
+number of frames and seed give the same bag."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument('scene', nargs='?', metavar='SCENE', help='one of those that --list shows')
+    parser.add_argument('--out', type=Path, metavar='BAG', help='the bag to write; a new folder')
+    parser.add_argument('--list', action='store_true', help='list the scenes and end')
+    parser.add_argument('--size', type=image_size, metavar='WxH',
+                        help="the frames' size, up to 1920x1080 (default: the scene's own)")
+    parser.add_argument('--frames', type=positive_integer, metavar='N',
+                        help='how many frames; the story runs on backwards when it is over '
+                        '(default: the whole story)')
+    parser.add_argument('--rate', type=positive_number, default=25.0, metavar='HZ',
+                        help='frames per second (default: %(default)s)')
+    parser.add_argument('--seed', type=seed, default=0, metavar='S',
+                        help='varies textures, clutter and noise (default: %(default)s)')
+    add_storage_arguments(parser)
+
+
+def add_storage_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how a bag is stored."""
+    parser.add_argument('--format', choices=STORAGES, default='mcap',
+                        help='storage of the rosbag2 (default: %(default)s)')
+    parser.add_argument('--compress', choices=COMPRESSIONS, default='none',
+                        help='store CompressedImage instead of Image (default: %(default)s)')
+    parser.add_argument('--topic', default='image', metavar='T',
+                        help='the image topic (default: %(default)s)')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Render the scene into a bag."""
+    if arguments.list:
+        for name in scene_names():
+            info = scene_info(name)
+            size = f'{info.width}x{info.height}'
+            print(f'{name:<18}{size:<9}{info.frames:>4} frames  {info.summary}')
+        return 0
+    if arguments.scene is None:
+        raise ValueError('which SCENE? valid are ' + ', '.join(scene_names()))
+    if arguments.out is None:
+        raise ValueError('--out BAG is missing: where should the bag go?')
+    frames = render(arguments.scene, arguments.size, arguments.frames, arguments.seed)
+    total = arguments.frames or scene_info(arguments.scene).frames
+    show = ProgressBar(sys.stderr, 'frames')
+
+    def shown() -> Iterator[tuple[Frame, Truth]]:
+        for done, rendered in enumerate(frames, start=1):
+            show(done, total)
+            yield rendered.frame, rendered.truth
+
+    count = record(shown(), arguments.out, rate=arguments.rate, storage=arguments.format,
+                   compression=arguments.compress, topic=arguments.topic)
+    print(f'{arguments.out}: {count} frames of {arguments.scene}, with truth')
+    return 0
