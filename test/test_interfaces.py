@@ -49,7 +49,7 @@ def test_every_definition_has_a_known_hash() -> None:
 
 @pytest.mark.parametrize('name', HASHES)
 def test_type_hash(name: str) -> None:
-    """rosbags computes upstream's hash from each of our definitions."""
+    """What rosbags computes from each of our definitions is upstream's hash."""
     typesys = pytest.importorskip('rosbags.typesys', reason='needs rosbags')
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for other in HASHES:
