@@ -8,7 +8,7 @@ import numpy as np
 
 from vtrack_ros.estimation.belief import Belief
 from vtrack_ros.estimation.gaussian import covariance_factors, Gaussian, GaussianNoise
-from vtrack_ros.estimation.kalman import GaussianFilter
+from vtrack_ros.estimation.kalman import GaussianFilter, matrix_times
 from vtrack_ros.estimation.model import StateSpaceModel
 from vtrack_ros.estimation.proposals import Proposal, Proposed
 from vtrack_ros.estimation.validation import FloatArray
@@ -64,34 +64,40 @@ class GaussianFilterProposal(Proposal):
             measurement: FloatArray | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         """Draw each successor from the posterior of the particle's own filter."""
-        predicted = self._predicted(model, belief, dt)
-        if measurement is None:
-            return Proposed(
-                model.sample_transition(belief.states, dt, rng, belief.time),
-                covariances=predicted.covariance if self.keeps_covariances else None)
-        posterior = self.gaussian_filter.update(
-            predicted, measurement, belief.time + dt, error).posterior
-        spread = posterior.covariance
-        if self.inflation:
-            spread = spread + self.inflation * predicted.covariance
-        del predicted
-        factors = covariance_factors(spread)
-        diagonal = np.abs(np.einsum('nii->ni', factors))
-        states = rng.standard_normal(belief.states.shape)
-        log_density = np.einsum('ij,ij->i', states, states)
-        log_density += states.shape[1] * math.log(2 * math.pi)
-        log_density *= -0.5
-        log_density -= np.log(diagonal).sum(axis=1)
-        states = np.einsum('nij,nj->ni', factors, states)
-        states += posterior.mean
-        return Proposed(states, log_density,
-                        posterior.covariance if self.keeps_covariances else None)
-
-    def _predicted(self, model: StateSpaceModel, belief: Belief, dt: float) -> Gaussian:
-        if self.keeps_covariances and belief.covariances is not None:
-            prior = Gaussian(belief.states, belief.covariances)
-            return self.gaussian_filter.predict(prior, dt, belief.time)
         count, dimension = belief.states.shape
-        return Gaussian(
-            model.transition(belief.states, dt, belief.time),
-            np.broadcast_to(model.process_noise(dt), (count, dimension, dimension)))
+        covariances = np.empty((count, dimension, dimension)) if self.keeps_covariances else None
+        if measurement is None:
+            states = model.sample_transition(belief.states, dt, rng, belief.time)
+            if covariances is not None:
+                for part in self.gaussian_filter.blocks(count):
+                    covariances[part] = self._predicted(model, belief, part, dt).covariance
+            return Proposed(states, None, covariances)
+        states = rng.standard_normal((count, dimension))
+        log_density = np.einsum('ij,ij->i', states, states)
+        log_density += dimension * math.log(2 * math.pi)
+        log_density *= -0.5
+        for part in self.gaussian_filter.blocks(count):
+            predicted = self._predicted(model, belief, part, dt)
+            posterior = self.gaussian_filter.update(
+                predicted, measurement, belief.time + dt, error).posterior
+            if covariances is not None:
+                covariances[part] = posterior.covariance
+            spread = posterior.covariance
+            if self.inflation:
+                spread += self.inflation * predicted.covariance
+            factors = covariance_factors(spread)
+            log_density[part] -= np.log(np.abs(np.einsum('nii->ni', factors))).sum(axis=1)
+            states[part] = matrix_times(factors, states[part])
+            states[part] += posterior.mean
+        return Proposed(states, log_density, covariances)
+
+    def _predicted(
+            self, model: StateSpaceModel, belief: Belief, part: slice, dt: float) -> Gaussian:
+        """Return the predictions of some of the particles' filters."""
+        states = belief.states[part]
+        if self.keeps_covariances and belief.covariances is not None:
+            prior = Gaussian(states, belief.covariances[part])
+            return self.gaussian_filter.predict(prior, dt, belief.time)
+        noise = model.process_noise(dt)
+        return Gaussian(model.transition(states, dt, belief.time),
+                        np.broadcast_to(noise, (len(states), *noise.shape)))

@@ -12,7 +12,7 @@ from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
 from vtrack_ros.estimation.model import LinearModel, StateSpaceModel
 from vtrack_ros.estimation.validation import FloatArray
 
-_BLOCK = 8192
+_BLOCK = 16384
 """How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded."""
 
 
@@ -62,7 +62,7 @@ class GaussianFilter(ABC):
         """
         self._check(prior)
         mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
-        for part in self._blocks(len(prior)):
+        for part in self.blocks(len(prior)):
             mean[part], covariance[part] = self._predict(
                 prior.mean[part], prior.covariance[part], dt, time)
         return Gaussian(mean, covariance)
@@ -97,7 +97,7 @@ class GaussianFilter(ABC):
         error = error or self.model.measurement_error
         mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
         log_evidence = np.empty(len(prior))
-        for part in self._blocks(len(prior)):
+        for part in self.blocks(len(prior)):
             mean[part], covariance[part], log_evidence[part] = self._update(
                 prior.mean[part], prior.covariance[part], measurement, time, error)
         return Correction(Gaussian(mean, covariance), log_evidence)
@@ -116,9 +116,10 @@ class GaussianFilter(ABC):
 
     def _numbers(self) -> int:
         """Return how many numbers a belief needs at a time."""
-        return 4 * self.model.state_dimension ** 2
+        return max(16, 4 * self.model.state_dimension ** 2)
 
-    def _blocks(self, count: int) -> list[slice]:
+    def blocks(self, count: int) -> list[slice]:
+        """Return slices that divide `count` beliefs into blocks."""
         size = max(1, _BLOCK // self._numbers())
         return [slice(start, start + size) for start in range(0, count, size)]
 

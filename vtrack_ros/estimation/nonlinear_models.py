@@ -21,7 +21,7 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
         y_k = x_k^2 / 20 + w
 
     The measurement doesn't tell the sign of the state: the posterior has two modes. The print
-    adds `8 cos(k)` to y_k, a known offset that changes nothing. A step has dt = 1, and `time` is k.
+    adds `8 cos(k)` to y_k, a known offset that changes nothing. A step has dt = 1; `time` is k.
 
     Parameters
     ----------
@@ -42,7 +42,12 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
         """Return the expected states one step after `time`, shape (N, 1)."""
-        moved: FloatArray = 0.5 * states + 25 * states / (1 + states ** 2)
+        # In place: 0.5 x + 25 x / (1 + x^2) without four arrays on the way.
+        moved = states ** 2
+        moved += 1
+        np.divide(25, moved, out=moved)
+        moved += 0.5
+        moved *= states
         moved += 8 * math.cos(1.2 * time)
         return moved
 

@@ -291,6 +291,7 @@ class ParticleFilter:
                                  f'not {np.shape(log_likelihood)}')
             log_weights = log_weights + log_likelihood
         weights = Weights.from_log(log_weights, fallback=belief.weights)
+        del log_weights
         self.recoveries += weights.recovered
         time = belief.time + dt
         mean = weights.values @ proposed.states

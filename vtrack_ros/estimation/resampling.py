@@ -45,8 +45,7 @@ def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> Ind
         If the weights aren't finite, non-negative and with a positive sum, or `count` < 1.
 
     """
-    below = np.ceil(_cumulated(weights, count) - rng.random())
-    return _offspring(below)
+    return _offspring(_cumulated(weights, count), rng.random())
 
 
 def stratified(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
@@ -58,9 +57,10 @@ def stratified(weights: FloatArray, count: int, rng: np.random.Generator) -> Ind
     cumulated = _cumulated(weights, count)
     stratum = np.minimum(cumulated.astype(np.intp), count - 1)
     points = rng.random(count)
-    below = stratum + (points[stratum] < cumulated - stratum)
-    below[-1] = count
-    return _offspring(below)
+    cumulated -= stratum
+    ends = stratum + (points[stratum] < cumulated).astype(np.float64)
+    ends[-1] = count
+    return _offspring(ends)
 
 
 def residual(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
@@ -130,13 +130,17 @@ def _checked(weights: FloatArray, count: int) -> FloatArray:
 
 def _cumulated(weights: FloatArray, count: int) -> FloatArray:
     """Return the cumulated weights, scaled so that the last is exactly `count`."""
-    cumulated = np.cumsum(_checked(weights, count))
+    cumulated = _checked(weights, count)
+    np.cumsum(cumulated, out=cumulated)
     cumulated *= count / cumulated[-1]
     cumulated[-1] = count
     return cumulated
 
 
-def _offspring(below: NDArray[np.float64] | Indices) -> Indices:
-    """Return the indices, given for each particle how many points lie below its upper end."""
-    copies = np.diff(below, prepend=0).astype(np.intp)
+def _offspring(ends: FloatArray, shift: float = 0.0) -> Indices:
+    """Return the indices, given where on the axis of points 0 + u, 1 + u, ... each one ends."""
+    ends -= shift
+    copies = np.ceil(ends, out=ends).astype(np.intp)
+    del ends
+    copies[1:] -= copies[:-1].copy()
     return np.repeat(np.arange(len(copies)), copies)

@@ -64,7 +64,7 @@ class SigmaPointFilter(GaussianFilter):
         points = len(self.update_rule)
         if self.model.transition_matrix(1.0) is None:
             points = max(points, len(self.transition_rule))
-        return max(points, 2 * self.model.state_dimension) * self.model.state_dimension
+        return max(points * self.model.state_dimension, super()._numbers())
 
     def _predict(
             self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,

@@ -1,0 +1,110 @@
+"""No step allocates more than it returns plus one array of sigma points."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from vtrack_ros.estimation.gaussian import Gaussian
+from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
+from vtrack_ros.estimation.kalman import ExtendedKalmanFilter, KalmanFilter
+from vtrack_ros.estimation.linear_models import ConstantVelocity
+from vtrack_ros.estimation.nonlinear_models import BearingRange, UnivariateNonstationaryGrowth
+from vtrack_ros.estimation.particle_filter import ParticleFilter
+from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal
+from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
+from vtrack_ros.estimation.sigma_points import (
+    cubature, gauss_hermite, pruned_gauss_hermite, unscented)
+
+SMALL_CHANGE = 64 * 1024
+"""What the interpreter, index arrays of one block and cached factors may take, in bytes."""
+
+
+def array_bytes(*arrays):
+    return sum(array.nbytes for array in arrays if array is not None)
+
+
+def belief_bytes(belief):
+    return array_bytes(belief.states, belief.weights.values, belief.weights.logarithms,
+                       belief.covariances)
+
+
+def peak_of(call):
+    """Return a call's result, and the most memory that was held during it beyond before."""
+    call()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        result = call()
+        return result, tracemalloc.get_traced_memory()[1] - before
+    finally:
+        tracemalloc.stop()
+
+
+def points_of(gaussian_filter):
+    """Return the number of sigma points of a filter; the unscented rule's where it has none."""
+    if isinstance(gaussian_filter, SigmaPointFilter):
+        return len(gaussian_filter.update_rule)
+    return 2 * gaussian_filter.model.state_dimension + 1
+
+
+FILTERS = [
+    KalmanFilter(ConstantVelocity(2, 2)), ExtendedKalmanFilter(BearingRange(2)),
+    ExtendedKalmanFilter(UnivariateNonstationaryGrowth()),
+    *(SigmaPointFilter(model, rule, measured_only) for rule in (
+        unscented, cubature, gauss_hermite, pruned_gauss_hermite)
+      for model, measured_only in (
+          (BearingRange(2), True), (BearingRange(2), False),
+          (UnivariateNonstationaryGrowth(), True))),
+]
+
+
+@pytest.mark.parametrize('gaussian_filter', FILTERS, ids=lambda f: (
+    f'{type(f).__name__}-{type(f.model).__name__}-{points_of(f)}'))
+def test_gaussian_filters(gaussian_filter):
+    model, count = gaussian_filter.model, 20000
+    n = model.state_dimension
+    beliefs = Gaussian(np.full((count, n), 20.0), np.tile(np.eye(n), (count, 1, 1)))
+    one_array = count * points_of(gaussian_filter) * n * 8
+    predicted, peak = peak_of(lambda: gaussian_filter.predict(beliefs, 1.0))
+    returned = array_bytes(predicted.mean, predicted.covariance)
+    assert peak <= returned + one_array + SMALL_CHANGE
+    measurement = model.measure(predicted.mean[:1])[0]
+    correction, peak = peak_of(lambda: gaussian_filter.update(predicted, measurement))
+    returned = array_bytes(correction.posterior.mean, correction.posterior.covariance,
+                           correction.log_evidence)
+    assert peak <= returned + one_array + SMALL_CHANGE
+
+
+PROPOSALS = {
+    'prior': lambda model: PriorProposal(),
+    'grey': lambda model: GreyProposal(),
+    'grey, mixed': lambda model: GreyProposal(prior_share=0.3, spread='predicted'),
+    **{f'{rule.__name__}, {covariance}': (
+        lambda model, rule=rule, covariance=covariance: GaussianFilterProposal(
+            SigmaPointFilter(model, rule), covariance, inflation=0.1))
+       for rule in (unscented, cubature, gauss_hermite, pruned_gauss_hermite)
+       for covariance in ('reset', 'kept')},
+    'ekf, kept': lambda model: GaussianFilterProposal(ExtendedKalmanFilter(model), 'kept'),
+}
+
+
+@pytest.mark.parametrize('name', sorted(PROPOSALS))
+@pytest.mark.parametrize('model', [BearingRange(2), UnivariateNonstationaryGrowth()],
+                         ids=['4-D', '1-D'])
+def test_steps_of_particle_filters(name, model):
+    proposal = PROPOSALS[name](model)
+    count, n = 20000, model.state_dimension
+    particle_filter = ParticleFilter(
+        model, proposal, particles=count, threshold=1.0, rng=np.random.default_rng(1))
+    start = np.full(n, 20.0)
+    particle_filter.start(start, np.eye(n))
+    measurement = model.measure(start[np.newaxis])[0]
+    for _ in range(6):
+        particle_filter.step(measurement)
+    step, peak = peak_of(lambda: particle_filter.step(measurement))
+    returned = belief_bytes(step.belief) + (
+        belief_bytes(particle_filter.belief) if step.resampled else 0)
+    gaussian_filter = getattr(proposal, 'gaussian_filter', None)
+    points = points_of(gaussian_filter) if gaussian_filter else 2 * n + 1
+    assert peak <= returned + count * points * n * 8 + SMALL_CHANGE
