@@ -209,6 +209,20 @@ class Client:
         assert heard[-1].header == message.header
         return heard[-1]
 
+    def state_after(self, answer: object) -> dict:
+        """Return the state after an answered frame: its message as ``state``, and its values."""
+        stamp = f'{answer.header.stamp.sec}.{answer.header.stamp.nanosec:09d}'
+        found: dict = {}
+
+        def heard() -> bool:
+            for status in self.heard['~/state'][-20:]:
+                values = {row.key: row.value for row in status.values}
+                if values.get('stamp') == stamp:
+                    found.update(values, state=status.message, level=status.level)
+            return bool(found)
+        self.until(heard, f'no state of {stamp}')
+        return found
+
     def play(self, scene: Scene, indices, stamp: int = 10**9) -> list:
         """Send frames of a scene one by one; return the detections."""
         return [self.send(scene.frame(i), stamp + STEP * i) for i in indices]

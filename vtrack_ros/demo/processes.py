@@ -7,7 +7,6 @@ import json
 import os
 from pathlib import Path
 import queue
-import re
 import signal
 import subprocess
 import sys
@@ -135,7 +134,8 @@ def run(node: Sequence[str], player: Sequence[str], record: Path,
                     raise child.failure(f'ended with code {child.wait()}')
             if time.monotonic() > deadline:
                 raise recorder.failure('found no node')
-        source = Child('player', ['-m', 'vtrack_ros.cli.main', 'play', *player])
+        source = Child('player', ['-m', 'vtrack_ros.cli.main', 'play', *player,
+                                  '--json', '--wait', str(PATIENCE)])
         children.append(source)
         count = 0
         quiet_since = time.monotonic()
@@ -175,9 +175,8 @@ def _next(child: Child, patience: float) -> str:
 
 def _frames_sent(player: Child) -> int:
     """Return how many images the player says it published."""
-    player.process.wait()
-    player._reader.join(PATIENCE)
-    found = re.findall(r'(\d+) images', player.log)
-    if not found:
-        raise player.failure('did not say how many images it published')
-    return int(found[-1])
+    player.end()
+    try:
+        return int(json.loads(player.log.splitlines()[-1])['images'])
+    except (IndexError, KeyError, TypeError, ValueError):
+        raise player.failure('did not say how many images it published') from None

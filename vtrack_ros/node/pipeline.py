@@ -12,7 +12,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from vtrack_ros.node.controls import Controls
 from vtrack_ros.node.health import Health
-from vtrack_ros.node.target import QUIET, Target
+from vtrack_ros.node.quiet_log import QuietLog
+from vtrack_ros.node.target import Target
 from vtrack_ros.node.view import DebugView
 from vtrack_ros.ros import messages
 from vtrack_ros.ros.camera import Camera, locate, Position
@@ -38,6 +39,7 @@ class Pipeline:
         self._node = node
         self._server = server
         self._log = node.get_logger()
+        self._quiet = QuietLog(self._log)
         self._camera: Camera | None = None
         self._view = DebugView()
         self._word = 'inactive'
@@ -92,7 +94,7 @@ class Pipeline:
             frame = self._convert(message)
         except ValueError as error:
             flow.malformed += 1
-            self._log.error(f'image dropped: {error}', throttle_duration_sec=QUIET)
+            self._quiet.error(f'image dropped: {error}')
             return
         self._arrived(stamp, began)
         started = time.perf_counter_ns()
@@ -131,9 +133,9 @@ class Pipeline:
         settings, camera = self._server.settings, self._camera
         height, width = frame.shape[:2]
         if camera is not None and (camera.width, camera.height) != (width, height):
-            self._log.warning(
+            self._quiet.warning(
                 f'camera_info is for {camera.width} x {camera.height}, but the image is '
-                f'{width} x {height}: it is not used', throttle_duration_sec=QUIET)
+                f'{width} x {height}: it is not used')
             camera = None
         units = settings.text('pose_units')
         position = locate(estimate, camera, units, settings.number('target_width'),
@@ -142,8 +144,8 @@ class Pipeline:
             needed = 'camera_info of the image'
             if units == 'metres':
                 needed += ' and target_width or target_height'
-            self._log.warning(
-                f'no pose: pose_units {units} needs {needed}', throttle_duration_sec=QUIET)
+            self._quiet.warning(
+                f'no pose: pose_units {units} needs {needed}')
         return position
 
     def _arrived(self, stamp: int, now: int) -> None:
@@ -181,7 +183,7 @@ class Pipeline:
             self._camera = Camera.from_message(message)
         except ValueError as error:
             self._camera = None
-            self._log.warning(f'{error}; the pose stays in pixels', throttle_duration_sec=30.0)
+            self._quiet.warning(f'{error}; the pose stays in pixels')
 
     def _on_parameters(self, changes: Settings, names: Sequence[str]) -> None:
         settings = self._server.settings

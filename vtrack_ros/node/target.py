@@ -3,34 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-import time
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
+from vtrack_ros.node.quiet_log import Log, QuietLog
 from vtrack_ros.ros.parameters import INIT_BOX, Settings
 from vtrack_ros.ros.selection import (
     best_detection, FrameHistory, from_detection, from_roi, Selection, Selector)
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, TrackState
 
-#: The same refusal is said at most once in that many seconds.
-QUIET = 2.0
 _FROM_PARAMETER = f'parameter {INIT_BOX}'
-
-
-class Log(Protocol):
-    """Where a person reads what happens."""
-
-    def info(self, message: str) -> Any:
-        """Tell."""
-
-    def warning(self, message: str) -> Any:
-        """Warn."""
-
-    def error(self, message: str) -> Any:
-        """Say that something was wrong."""
 
 
 class Target:
@@ -47,12 +32,12 @@ class Target:
     def __init__(self, settings: Settings, log: Log) -> None:
         self._settings = settings
         self._log = log
+        self._quiet = QuietLog(log)
         self._follower = Follower(
             settings.text('tracker'), int(settings.number('seed')), settings.trackers)
         self._history = FrameHistory(
             settings.number('history_seconds'), settings.number('history_megabytes'))
         self._selector = Selector(self._history)
-        self._refused = ('', 0.0)
         self._count = 0
         self.identity = ('target', '')
         self._warm_up()
@@ -98,8 +83,8 @@ class Target:
             estimate = self._started() or self._follower.update(frame, stamp)
         except Exception as error:
             # Whatever a tracker comes across in the pixels, the node must outlive it.
-            self._say(f'tracker {self.tracker} failed, the target is forgotten: '
-                      f'{type(error).__name__}: {error}')
+            self._quiet.error(f'tracker {self.tracker} failed, the target is forgotten: '
+                              f'{type(error).__name__}: {error}')
             self._follower.forget()
             return None
         if before is not None and estimate is None:
@@ -211,11 +196,4 @@ class Target:
         return self.estimate
 
     def _refuse(self, source: str, error: Exception) -> None:
-        self._say(f'{source} refused: {error}')
-
-    def _say(self, text: str) -> None:
-        """Log an error, but not the same one over and over."""
-        now = time.monotonic()
-        if text != self._refused[0] or now > self._refused[1] + QUIET:
-            self._refused = text, now
-            self._log.error(text)
+        self._quiet.error(f'{source} refused: {error}')

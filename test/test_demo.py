@@ -1,0 +1,89 @@
+"""The demo: three processes on a real bag, every frame accounted for."""
+
+import json
+import os
+import subprocess
+import sys
+
+import cv2
+import pytest
+
+from vtrack_ros.demo.summary import summarise
+from vtrack_ros.geometry import Box
+
+KEYS = ['frames_sent', 'frames_received', 'frames_tracked', 'frames_dropped', 'centre_error_px',
+        'mean_iou', 'ms_per_frame', 'latency_ms_p50', 'latency_ms_p99']
+
+
+def demo(repository, *arguments):
+    """Run the demo; return the finished process."""
+    return subprocess.run(
+        [sys.executable, '-m', 'vtrack_ros.demo', *map(str, arguments)], cwd=repository,
+        env=dict(os.environ), capture_output=True, text=True, timeout=120)
+
+
+def test_face_fast(repository, tmp_path):
+    """The face is tracked, the figures add up, and the pictures are there."""
+    run = demo(repository, '--out', tmp_path, '--json', tmp_path / 'figures.json')
+    assert run.returncode == 0, run.stdout + run.stderr
+    figures = json.loads((tmp_path / 'figures.json').read_text())
+    assert list(figures) == KEYS
+    assert figures['frames_sent'] == 50
+    assert figures['frames_received'] + figures['frames_dropped'] == 50
+    assert figures['frames_tracked'] <= figures['frames_received']
+    assert figures['mean_iou'] >= 0.5 and figures['centre_error_px'] <= 4
+    assert 0 < figures['ms_per_frame'] and 0 < figures['latency_ms_p50'] <= (
+        figures['latency_ms_p99'])
+    for words in ('frames sent', '50', 'mean IoU', 'ms per frame', 'latency p99'):
+        assert words in run.stdout
+    sheet = cv2.imread(str(tmp_path / 'contact_sheet.png'))
+    assert sheet is not None and sheet.shape[1] > 1000
+    video = cv2.VideoCapture(str(tmp_path / 'video.mp4'))
+    assert sum(1 for _ in iter(lambda: video.read()[0], False)) == 50
+
+
+def test_untracked_target_is_a_failure(repository, tmp_path):
+    """Whoever is told to follow something else than the target fails."""
+    run = demo(repository, '--out', tmp_path, '--init-box', '100,70,20,20')
+    assert run.returncode == 1
+    assert 'was not tracked' in run.stderr
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['--tracker', 'nobody'], 'gmpf'),
+    (['--bag', 'nowhere'], 'nowhere does not exist'),
+    (['--seed', '-1'], '-1 is not from 0'),
+    (['--init-box', '1,2,3'], 'X,Y,WIDTH,HEIGHT'),
+    (['--topic', '/nothing'], '/nothing'),
+])
+def test_wrong_arguments(repository, tmp_path, arguments, words):
+    """Wrong arguments end it with code 2, and words that say what's valid."""
+    run = demo(repository, '--out', tmp_path, *arguments)
+    assert run.returncode == 2
+    assert words in run.stderr and 'Traceback' not in run.stderr
+
+
+def test_summary_accounts_for_every_frame():
+    """Sent, answered, tracked and dropped add up; misses count as no overlap."""
+    truth = {1: Box(0, 0, 10, 10), 2: Box(0, 0, 10, 10), 3: None, 4: Box(0, 0, 10, 10)}
+    frames = {
+        1: {'received_ns': 5, 'box': [0, 0, 10, 10], 'ms_per_frame': 2.0, 'latency_ms': 1.0},
+        2: {'received_ns': 6, 'ms_per_frame': 4.0, 'latency_ms': 3.0},
+        3: {'received_ns': 7, 'box': [50, 50, 5, 5]},
+        4: {'state': 'tracking'},
+    }
+    summary = summarise(frames, truth, sent=6)
+    assert (summary.frames_sent, summary.frames_received, summary.frames_tracked,
+            summary.frames_dropped) == (6, 3, 2, 3)
+    assert summary.mean_iou == 0.5 and summary.centre_error_px == 0.0
+    assert summary.ms_per_frame == 3.0 and summary.latency_ms_p50 == 2.0
+    assert not summary.tracked
+
+
+def test_summary_without_truth():
+    """Without truth there is no error and no overlap, and tracking is a matter of boxes."""
+    frames = {1: {'received_ns': 5, 'box': [0, 0, 10, 10]}}
+    summary = summarise(frames, {}, sent=1)
+    assert summary.mean_iou is None and summary.centre_error_px is None
+    assert summary.tracked
+    assert 'no truth' in summary.table()

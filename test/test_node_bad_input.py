@@ -1,0 +1,201 @@
+"""Bad input, and what the node says to it: it lives, and tracks the next good frame."""
+
+from node_harness import Client, image_message, NodeProcess, Scene, STEP
+import pytest
+from sensor_msgs.msg import CameraInfo, RegionOfInterest
+from vision_msgs.msg import Detection2D
+
+SCENE = Scene()
+NAN, INF = float('nan'), float('inf')
+
+
+def image(**changes):
+    """Return a good image with some fields changed."""
+    message = image_message(SCENE.frame(0), 0)
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def init(x=80.0, y=60.0, width=24.0, height=24.0, theta=0.0, seconds=0):
+    """Return a selection."""
+    message = Detection2D()
+    message.header.stamp.sec = seconds
+    message.bbox.center.position.x, message.bbox.center.position.y = x, y
+    message.bbox.center.theta = theta
+    message.bbox.size_x, message.bbox.size_y = width, height
+    return message
+
+
+def camera_info(fx=100.0, fy=100.0, model='plumb_bob', d=(), width=160, height=120):
+    """Return a calibration."""
+    message = CameraInfo(width=width, height=height, distortion_model=model, d=list(d))
+    message.k = [fx, 0.0, 80.0, 0.0, fy, 60.0, 0.0, 0.0, 1.0]
+    return message
+
+
+#: What is sent on image: name, message, what the node says.
+IMAGES = [
+    ('no data', image(data=b''), 'image data has 0 bytes'),
+    ('data one byte short', image(data=bytes(57599)), '57599 bytes'),
+    ('data one byte long', image(data=bytes(57601)), '57601 bytes'),
+    ('zero width', image(width=0, step=0, data=b''), '0 x 120'),
+    ('zero height', image(height=0, data=b''), '160 x 0'),
+    ('step too small', image(step=479, data=bytes(479 * 120)), 'step is 479 bytes'),
+    ('step zero', image(step=0, data=b''), 'step is 0 bytes'),
+    ('step that does not fit the data', image(step=500), '500 times height 120'),
+    ('huge size, little data', image(width=100000, height=100000, step=300000), '57600 bytes'),
+    ('greatest size', image(width=2**32 - 1, height=2**32 - 1), 'step is 480 bytes'),
+    ('no encoding', image(encoding=''), "unknown image encoding ''"),
+    ('unknown encoding', image(encoding='xyz12'), "'xyz12'"),
+    ('depth image', image(encoding='32FC1', step=640, data=bytes(640 * 120)), "'32FC1'"),
+    ('encoding in capitals', image(encoding='BGR8'), "'BGR8'"),
+    ('planar encoding', image(encoding='nv12'), "'nv12'"),
+    ('odd width of yuv422', image(encoding='yuv422', width=159, step=318, data=bytes(318 * 120)),
+     'multiple of 2'),
+    ('bayer of one pixel', image(encoding='bayer_rggb8', width=1, height=1, step=1, data=b'1'),
+     'at least 3 x 3'),
+]
+
+#: What is sent to the selections: name, topic, type, message, what the node says.
+SELECTIONS = [
+    ('box without size', '~/init', init(width=0.0), 'must be positive'),
+    ('box of negative size', '~/init', init(height=-4.0), 'must be positive'),
+    ('box of no number', '~/init', init(x=NAN), 'center x must be finite'),
+    ('infinite box', '~/init', init(width=INF), 'size_x must be finite'),
+    ('box turned by no number', '~/init', init(theta=NAN), 'theta must be finite'),
+    ('box beside the image', '~/init', init(x=-500.0), 'no pixel inside'),
+    ('box of long ago', '~/init', init(seconds=1), 'too old'),
+    ('box of the future', '~/init', init(seconds=90000), 'in the future'),
+    ('region without size', '~/init_roi', RegionOfInterest(x_offset=3), 'must be positive'),
+    ('region beside the image', '~/init_roi',
+     RegionOfInterest(x_offset=4000, y_offset=4000, width=9, height=9), 'no pixel inside'),
+]
+
+#: What is sent on camera_info: name, message, what the node says.
+CALIBRATIONS = [
+    ('not calibrated', camera_info(fx=0.0), 'not calibrated'),
+    ('focal length of no number', camera_info(fx=NAN), 'not calibrated'),
+    ('unknown distortion model', camera_info(model='thin_prism', d=(0.1,) * 4), 'thin_prism'),
+    ('too few coefficients', camera_info(d=(0.1, 0.2)), '2 distortion coefficients'),
+    ('coefficient of no number', camera_info(d=(NAN, 0.0, 0.0, 0.0, 0.0)), 'finite'),
+    ('for another image size', camera_info(width=640, height=480), 'is for 640 x 480'),
+]
+
+#: Parameters: name, value, what the node says.
+PARAMETERS = [
+    ('tracker', 'csrt', "one of"),
+    ('tracker', 7, 'Type.STRING'),
+    ('seed', -1, 'out of range'),
+    ('seed', 1.5, 'Type.INTEGER'),
+    ('init_box', [1.0, 2.0], '2 values'),
+    ('init_box', [0.0, 0.0, -5.0, 5.0], 'must be positive'),
+    ('init_box', [0.0, NAN, 5.0, 5.0], 'must be finite'),
+    ('init_box', 'the ball', 'valid is [x, y, width, height]'),
+    ('gmpf.particles', 0, 'out of range'),
+    ('gmpf.particles', 10**12, 'out of range'),
+    ('gmpf.particles', 'many', 'Type.INTEGER'),
+    ('gmpf.particels', 100, 'unknown parameter'),
+    ('history_seconds', -1.0, 'out of range'),
+    ('history_megabytes', 1e9, 'out of range'),
+    ('init_score', 1.01, 'out of range'),
+    ('init_score', NAN, 'out of range'),
+    ('pose_units', 'feet', 'one of'),
+    ('target_width', -0.1, 'out of range'),
+    ('reliability', 'best_effort', 'read-only'),
+    ('image_transport', 'theora', 'read-only'),
+    ('nonsense', True, 'unknown parameter'),
+]
+
+
+@pytest.fixture(scope='module')
+def talk():
+    """Return the process and a client of a node that has its target."""
+    with NodeProcess() as process, Client() as client:
+        client.ready()
+        client.process = process
+        client.publishers = {
+            '~/init': client.publisher('~/init', Detection2D),
+            '~/init_roi': client.publisher('~/init_roi', RegionOfInterest),
+            'camera_info': client.publisher('camera_info', CameraInfo)}
+        client.index = 100
+        good_frame(client)
+        restart(client)
+        yield client
+
+
+def good_frame(client):
+    """Send a good frame; return its answer."""
+    client.index += 1
+    return client.send(SCENE.frame(client.index), STEP * client.index)
+
+
+def restart(client):
+    """Have the target selected again; it's there with the next frame."""
+    box = SCENE.box(client.index + 1)
+    assert client.change(init_box=box.as_array().tolist())[0].successful
+    assert good_frame(client).detections
+
+
+def malformed(client):
+    """Return how many images the node says were malformed."""
+    answer = good_frame(client)
+    assert answer.detections
+    return int(client.state_after(answer)['frames_malformed'])
+
+
+def send_other(client, topic, message, words):
+    """Send a bad selection or calibration, and good frames until the node has said the words."""
+    since = len(client.process.log)
+    client.publishers[topic].publish(message)
+    for _ in range(100):
+        assert good_frame(client) is not None
+        if words in client.process.log[since:]:
+            break
+    return client.process.log[since:]
+
+
+@pytest.mark.parametrize('name, message, words', IMAGES, ids=[row[0] for row in IMAGES])
+def test_images(talk, name, message, words):
+    """A malformed image is counted and told about, and the next good frame is tracked."""
+    since = len(talk.process.log)
+    before = malformed(talk)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+        STEP * (talk.index + 1), 10**9)
+    talk.images.publish(message)
+    # The node takes the newest image alone: a good one must not overtake the bad one.
+    talk.process.wait_for_log(words, since)
+    assert malformed(talk) == before + 1
+    assert good_frame(talk).detections
+
+
+@pytest.mark.parametrize('name, topic, message, words', SELECTIONS,
+                         ids=[row[0] for row in SELECTIONS])
+def test_selections(talk, name, topic, message, words):
+    """A wrong selection is refused with the reason, and the target stays."""
+    restart(talk)
+    assert words in send_other(talk, topic, message, words)
+    assert good_frame(talk).detections
+
+
+@pytest.mark.parametrize('name, message, words', CALIBRATIONS,
+                         ids=[row[0] for row in CALIBRATIONS])
+def test_calibrations(talk, name, message, words):
+    """A wrong calibration isn't used, and the pose stays in pixels."""
+    restart(talk)
+    assert words in send_other(talk, 'camera_info', message, words)
+    poses = talk.heard['pose']
+    heard = len(poses)
+    answer = good_frame(talk)
+    talk.until(lambda: len(poses) > heard, 'no pose')
+    assert poses[-1].pose.position.x == answer.detections[0].bbox.center.position.x
+
+
+@pytest.mark.parametrize('name, value, words', PARAMETERS)
+def test_parameters(talk, name, value, words):
+    """A wrong parameter is refused with the reason, and nothing changes."""
+    restart(talk)
+    result, = talk.change(**{name.replace('.', '__'): value})
+    assert not result.successful
+    assert words in result.reason
+    assert good_frame(talk).detections

@@ -1,0 +1,38 @@
+"""The node and a run without any node say the same, bit for bit."""
+
+from node_harness import Client, NodeProcess
+import pytest
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Image
+
+from vtrack_ros.bags import BagReader
+from vtrack_ros.follower import Follower
+
+
+@pytest.mark.parametrize('tracker', ['gmpf', 'pf'])
+def test_node_and_replay_agree(repository, tracker):
+    """With the same seed, and no frame dropped, every box is the same double."""
+    path = repository / 'bags' / 'face_fast'
+    with BagReader(path) as bag:
+        frames = list(bag.frames())
+        images = [deserialize_message(bytes(raw.data), Image)
+                  for raw in bag.raw({bag.image_topic().name})]
+        truth = bag.truth()
+    box = truth[frames[0].stamp]
+    follower = Follower(tracker, seed=11)
+    expected = [follower.start(frames[0].frame, frames[0].stamp, box)]
+    expected += [follower.update(frame.frame, frame.stamp) for frame in frames[1:]]
+
+    numbers = ', '.join(map(repr, box.as_array().tolist()))
+    with NodeProcess(tracker=tracker, seed=11, init_box=f'[{numbers}]'), Client() as client:
+        client.ready()
+        answers = [client.send_message(image) for image in images]
+    assert len(answers) == len(expected) == 50
+    for answer, estimate in zip(answers, expected):
+        if not estimate.measured:
+            assert not answer.detections
+            continue
+        bounds = answer.detections[0].bbox
+        assert (bounds.center.position.x, bounds.center.position.y) == estimate.box.center
+        assert (bounds.size_x, bounds.size_y) == (estimate.box.width, estimate.box.height)
+        assert answer.detections[0].results[0].hypothesis.score == estimate.confidence
