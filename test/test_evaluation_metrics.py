@@ -6,7 +6,7 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from vtrack_ros.evaluation import metrics
+from vtrack_ros.evaluation import metrics, reporting
 from vtrack_ros.geometry import Box
 
 NAN = [math.nan] * 4
@@ -79,7 +79,7 @@ def test_shapes_are_checked():
     with pytest.raises(ValueError, match='2 boxes but 1 rows of truth'):
         metrics.center_errors([(1, 2, 3, 4)] * 2, [(1, 2, 3, 4)])
     with pytest.raises(ValueError, match=r'covariances must have shape \(1, 2, 2\)'):
-        metrics.inside_ellipse([(1, 2, 3, 4)], np.eye(2), [(1, 2, 3, 4)], 0.9)
+        reporting.inside_ellipse([(1, 2, 3, 4)], np.eye(2), [(1, 2, 3, 4)], 0.9)
 
 
 def test_failures_and_recoveries():
@@ -97,20 +97,20 @@ def test_failures_and_recoveries():
 def test_auroc_is_a_probability_of_order(high, low):
     """It is the share of pairs in order, ties by half."""
     pairs = [(a > b) + 0.5 * (a == b) for a in high for b in low]
-    assert metrics.auroc(high, low) == pytest.approx(np.mean(pairs))
+    assert reporting.auroc(high, low) == pytest.approx(np.mean(pairs))
 
 
 def test_auroc_without_one_side():
     """With nothing to tell apart there is no figure."""
-    assert math.isnan(metrics.auroc([0.3], []))
-    assert math.isnan(metrics.auroc([], [0.3]))
+    assert math.isnan(reporting.auroc([0.3], []))
+    assert math.isnan(reporting.auroc([], [0.3]))
 
 
 def test_losses_and_their_reports():
     """A loss lasts until the target is hit again; it counts as reported when the state says so."""
     overlap = np.array([1, .7, .05, .0, .3, .6, math.nan, math.nan, .6, .0, .0, .9])
     reported = np.array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1], dtype=bool)
-    found = metrics.losses(overlap, reported)
+    found = reporting.losses(overlap, reported)
     assert found.count == 3
     assert found.delays == (1, 0)
 
@@ -119,15 +119,15 @@ def test_report_after_the_end_of_a_loss_is_none():
     """A tracker that says so only once it's back on the target didn't report the loss."""
     overlap = np.array([1, .0, .0, .8, .8])
     reported = np.array([0, 0, 0, 1, 0], dtype=bool)
-    assert metrics.losses(overlap, reported) == metrics.Losses(1, ())
+    assert reporting.losses(overlap, reported) == reporting.Losses(1, ())
 
 
 def test_returns():
     """From the return of the target until the box is on it; never, where that doesn't happen."""
     gone = math.nan
     overlap = np.array([1, gone, gone, .0, .2, .6, gone, .7, gone, .1, gone, .2, .3])
-    assert metrics.return_delays(overlap) == (2, 0, math.inf, math.inf)
-    assert metrics.return_delays(np.array([1, .2, gone, gone])) == ()
+    assert reporting.return_delays(overlap) == (2, 0, math.inf, math.inf)
+    assert reporting.return_delays(np.array([1, .2, gone, gone])) == ()
 
 
 def test_ellipse_holds_its_share_of_a_normal_distribution():
@@ -138,7 +138,7 @@ def test_ellipse_holds_its_share_of_a_normal_distribution():
     truth = np.tile([50.0, 40, 20, 10], (count, 1))
     boxes = truth + np.column_stack([offsets, np.zeros((count, 2))])
     for probability in (0.5, 0.9):
-        inside = metrics.inside_ellipse(
+        inside = reporting.inside_ellipse(
             boxes, np.tile(covariance, (count, 1, 1)), truth, probability)
         bound = 4 * math.sqrt(probability * (1 - probability) / count)
         assert abs(inside.mean() - probability) < bound
@@ -152,7 +152,7 @@ def test_ellipse_of_hand_made_covariances():
     covariances = np.tile(np.eye(2), (5, 1, 1))
     covariances[2] = 0
     covariances[4] = math.nan
-    inside = metrics.inside_ellipse(boxes, covariances, truth, 0.9)
+    inside = reporting.inside_ellipse(boxes, covariances, truth, 0.9)
     np.testing.assert_array_equal(inside, [1, 0, 0, math.nan, math.nan])
 
 

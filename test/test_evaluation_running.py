@@ -211,6 +211,9 @@ def test_peers(name, folder):
     assert list(results.runs('First', name)) == ([0] if once else [0, 1])
     assert math.isnan(results.summary[name]['coverage90'])
     assert results.summary[name]['auc'] > 0.3
+    again = evaluate([name], folder, seeds=2, jobs=0)
+    for seed, run in results.runs('First', name).items():
+        np.testing.assert_array_equal(run.boxes, again.runs('First', name)[seed].boxes)
 
 
 def test_command(folder, tmp_path, capsys):

@@ -14,6 +14,11 @@ _PALETTE = (
     '#1f77b4', '#e6762b', '#2ca02c', '#d62728', '#9467bd', '#a0715e', '#e377c2', '#7f8c8d',
     '#b5b521', '#17becf')
 
+_STYLE = (
+    'text{fill:#4a5560;font:12px sans-serif}.title{fill:#1c2128;font:600 14px sans-serif}'
+    '.small{font-size:10px}.grid{stroke:#dfe3e8;fill:none}.axis{stroke:#66707c;fill:none}'
+    '.line{fill:none;stroke-width:1.8}.whisker{stroke:#1c2128;fill:none}.shade{fill:#9aa4b033}')
+
 
 def colour(index: int) -> str:
     """Return the colour of the index-th tracker; beyond ten by the golden angle."""
@@ -44,7 +49,7 @@ class Curve:
 
 def line_chart(
         curves: Ordered[Curve], x_label: str, y_label: str, *, width: int = 460,
-        height: int = 300, y_top: float | None = None,
+        height: int = 300, y_top: float | None = None, logarithmic: bool = False,
         shaded: Ordered[tuple[float, float]] = ()) -> str:
     """
     Return a chart of curves.
@@ -59,6 +64,9 @@ def line_chart(
         The size of the picture.
     y_top : float, optional
         Where the y axis ends; by default at the highest value.
+    logarithmic : bool
+        Whether the y axis is, beginning at the power of ten below the lowest value; else it
+        begins at 0.
     shaded : sequence of (float, float)
         Ranges of x to be shaded.
 
@@ -66,20 +74,29 @@ def line_chart(
     left, right, top, bottom = 46, 10, 8, 36
     x_low = min(float(curve.x[0]) for curve in curves)
     x_high = max(float(curve.x[-1]) for curve in curves)
-    highest = [float(np.nanmax(curve.y)) for curve in curves if np.isfinite(curve.y).any()]
-    y_high = y_top or max(highest, default=1.0) or 1.0
+    values = np.concatenate([curve.y[np.isfinite(curve.y)] for curve in curves])
+    y_high = y_top or float(values.max(initial=0.0)) or 1.0
     x_scale = (width - left - right) / ((x_high - x_low) or 1.0)
-    y_scale = (height - top - bottom) / y_high
+    if logarithmic:
+        floor = math.floor(math.log10(values[values > 0].min(initial=y_high)))
+        y_high = y_top or 10.0 ** math.ceil(math.log10(y_high))
+        levels = [10.0 ** power for power in range(floor, math.ceil(math.log10(y_high)) + 1)]
+        y_scale = (height - top - bottom) / max(1e-9, math.log10(y_high) - floor)
+    else:
+        levels = ticks(0, y_high)
+        y_scale = (height - top - bottom) / y_high
 
     def at(x: float, y: float) -> tuple[float, float]:
-        return left + (x - x_low) * x_scale, height - bottom - min(y, y_high) * y_scale
+        y = min(y, y_high)
+        rise = math.log10(max(y, 10.0 ** floor)) - floor if logarithmic else y
+        return left + (x - x_low) * x_scale, height - bottom - rise * y_scale
 
     parts = [_open(width, height, f'{y_label} by {x_label}')]
     for begin, end in shaded:
         x0, x1 = at(begin, 0)[0], at(end, 0)[0]
         parts.append(f'<rect class="shade" x="{x0:.1f}" y="{top}" '
                      f'width="{max(1.0, x1 - x0):.1f}" height="{height - top - bottom}"/>')
-    for value in ticks(0, y_high):
+    for value in levels:
         y = at(x_low, value)[1]
         parts.append(f'<path class="grid" d="M{left} {y:.1f}H{width - right}"/>'
                      f'<text x="{left - 6}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
@@ -147,6 +164,39 @@ def bar_chart(
         frame.append(f'<path class="grid" d="M{x:.1f} 0V{height - gap / 2:.0f}"/>'
                      f'<text x="{x:.1f}" y="{height + 10}" text-anchor="middle">{value:g}</text>')
     return ''.join(frame + parts) + '</svg>'
+
+
+def standalone(chart: str, legend: Mapping[str, str], title: str) -> str:
+    """
+    Return a chart as an SVG file of its own.
+
+    Parameters
+    ----------
+    chart : str
+        As one of the functions above returned it.
+    legend : mapping
+        Label -> colour.
+    title : str
+        What stands above.
+
+    """
+    opening, _, content = chart.partition('>')
+    size = opening.split('viewBox="')[1].split('"')[0].split()
+    width, height = int(size[2]), int(size[3])
+    columns = max(1, width // 150)
+    lines = -(-len(legend) // columns)
+    entries = ''.join(
+        f'<g transform="translate({12 + 150 * (index % columns)} '
+        f'{height + 40 + 18 * (index // columns)})"><rect width="11" height="11" rx="3" '
+        f'fill="{color}"/><text x="17" y="10">{escape(label)}</text></g>'
+        for index, (label, color) in enumerate(legend.items()))
+    total = height + 50 + 18 * lines
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {total}" '
+            f'width="{width}" height="{total}"><style>{_STYLE}</style>'
+            f'<rect width="{width}" height="{total}" fill="#fff"/>'
+            f'<text x="12" y="18" class="title">{escape(title)}</text>'
+            f'<g transform="translate(0 26)">{content.removesuffix("</svg>")}</g>'
+            f'{entries}</svg>\n')
 
 
 def ticks(low: float, high: float) -> list[float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 import multiprocessing
 import os
@@ -18,6 +17,8 @@ from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.running import Run, run_tracker
 from vtrack_ros.evaluation.sequences import (
     find_sequences, Sequence, SequenceError, uniquely_named)
+from vtrack_ros.evaluation.threads import (
+    environment_variables, ONE_THREAD, opencv_on_one_thread)
 from vtrack_ros.evaluation.variants import TrackerVariant, variants
 from vtrack_ros.frame import Frame
 
@@ -26,9 +27,6 @@ Progress = Callable[[int, int], None]
 
 #: Decoded frames of up to this many bytes are kept for the next tracker on the same video.
 _KEPT_BYTES = 1 << 30
-_ONE_THREAD = dict.fromkeys((
-    'OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'BLIS_NUM_THREADS',
-    'VECLIB_MAXIMUM_THREADS', 'NUMEXPR_NUM_THREADS'), '1')
 
 
 @dataclass(frozen=True)
@@ -156,19 +154,15 @@ def checked_seeds(seeds: int | Iterable[int]) -> tuple[int, ...]:
 
 def _outcomes(tasks: Ordered[Task], jobs: int) -> Iterator[tuple[Task, list[Run] | str]]:
     if jobs == 0:
-        threads = cv2.getNumThreads()
-        cv2.setNumThreads(1)
-        try:
+        with opencv_on_one_thread():
             for task in tasks:
                 yield task, run_task(task)
-        finally:
-            cv2.setNumThreads(threads)
         return
     # Long ones first, so that no process is left with one at the end; those of one video together,
     # so that it's decoded once.
     ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
     spawn = multiprocessing.get_context('spawn')
-    with _environment(_ONE_THREAD), ProcessPoolExecutor(
+    with environment_variables(ONE_THREAD), ProcessPoolExecutor(
             min(jobs, max(1, len(tasks))), mp_context=spawn, initializer=_one_thread) as pool:
         futures: dict[Future[list[Run] | str], Task] = {
             pool.submit(run_task, task): task for task in ordered}
@@ -221,18 +215,3 @@ def _frames(sequence: Sequence) -> Iterable[Frame]:
 
 def _one_thread() -> None:
     cv2.setNumThreads(1)
-
-
-@contextmanager
-def _environment(values: dict[str, str]) -> Iterator[None]:
-    """Set variables for the processes that are started meanwhile."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value

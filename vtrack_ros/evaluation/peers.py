@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any, ClassVar
 
 import cv2
@@ -41,8 +42,6 @@ class OpenCVTracker(Tracker):
         self._box = Box(0, 0, 1, 1)
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        # MIL draws from OpenCV's global generator.
-        cv2.setRNGSeed(int(self._rng.integers(2**31)))
         self._peer = _factory(self.OPENCV_NAME)()
         self._box = box
         self._peer.init(_colour(frame), _whole(box))
@@ -82,6 +81,12 @@ class MIL(OpenCVTracker):
     SUMMARY = "OpenCV's MIL"
     OPENCV_NAME = 'TrackerMIL'
     DETERMINISTIC = False
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        # It draws from OpenCV's global generator and from the C library's.
+        cv2.setRNGSeed(int(self._rng.integers(2**31)))
+        ctypes.CDLL(None).srand(int(self._rng.integers(2**31)))
+        return super()._start(frame, box)
 
 
 class MOSSE(OpenCVTracker):

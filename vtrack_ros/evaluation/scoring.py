@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.estimation.indices import composite_index
-from vtrack_ros.evaluation import metrics
+from vtrack_ros.evaluation import metrics, reporting
 from vtrack_ros.evaluation.running import Run
 
 
@@ -60,8 +60,8 @@ FIGURES = (
     Figure('ms_p99', 'ms p99', 'time of an update, 99th percentile [ms]', True),
     Figure('cpu_ms_median', 'cpu ms',
            'processor time of an update, all threads together, median [ms]', True),
-    Figure('cei', 'CEI', 'composite index over these trackers, smaller is better: median time 0.5, '
-           'RMSE 0.3, RMSE variance 0.2, each relative to the worst tracker', True),
+    Figure('cei', 'CEI', 'composite index, smaller is better: median time 0.5, RMSE 0.3, RMSE '
+           'variance 0.2, each relative to the worst of these trackers', True),
 )
 
 
@@ -86,11 +86,11 @@ def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
     overlap = metrics.overlaps(run.boxes, truth)
     error = metrics.center_errors(run.boxes, truth)
     failed = metrics.failures(overlap)
-    lost = metrics.losses(overlap, ~run.measured)
-    returned = metrics.return_delays(overlap)
+    lost = reporting.losses(overlap, ~run.measured)
+    returned = reporting.return_delays(overlap)
     confidence = evidence(run, truth)
     on = metrics.on_target(overlap)[1:]
-    inside = {probability: metrics.inside_ellipse(
+    inside = {probability: reporting.inside_ellipse(
         run.boxes, run.covariances, truth, probability)[1:][run.measured[1:]]
         for probability in (0.5, 0.9)}
     return {
@@ -102,7 +102,7 @@ def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
         'rmse_var': float(np.nanvar(error)),
         'failures': float(failed.count),
         'recovery_frames': mean(failed.recoveries),
-        'auroc': metrics.auroc(confidence.on, confidence.off),
+        'auroc': reporting.auroc(confidence.on, confidence.off),
         'losses': float(lost.count),
         'losses_reported': len(lost.delays) / lost.count if lost.count else math.nan,
         'report_frames': mean(lost.delays),
@@ -140,7 +140,7 @@ def over_sequences(
     """
     rows, pooled = list(scores), list(confidences)
     result = {key: mean([row[key] for row in rows]) for key in rows[0]}
-    result['auroc'] = metrics.auroc(
+    result['auroc'] = reporting.auroc(
         np.concatenate([one.on for one in pooled]), np.concatenate([one.off for one in pooled]))
     return result
 

@@ -11,7 +11,8 @@ from vtrack_ros.evaluation.scoring import FIGURES
 _SUMMARY = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
             'losses_reported', 'report_frames', 'false_alarms', 'found15', 'coverage50',
             'coverage90', 'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
-_TITLES = {figure.key: figure.title for figure in FIGURES}
+#: The names of the figures in tables.
+TITLES = {figure.key: figure.title for figure in FIGURES}
 _FRACTIONS = frozenset({
     'auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported', 'false_alarms',
     'coverage50', 'coverage90', 'found15', 'cei'})
@@ -23,7 +24,7 @@ def summary_table(results: Results) -> str:
     many = len(results.seeds) > 1
     keys = [key for key in _SUMMARY
             if any(not math.isnan(scores.get(key, math.nan)) for _, scores in ranked)]
-    rows = [['tracker', *(_TITLES[key] for key in keys)]]
+    rows = [['tracker', *(TITLES[key] for key in keys)]]
     for tracker, scores in ranked:
         rows.append([tracker, *(_cell(scores, key, many and key == 'auc') for key in keys)])
     return aligned(rows)
@@ -32,7 +33,7 @@ def summary_table(results: Results) -> str:
 def sequence_table(results: Results, key: str = 'auc') -> str:
     """Return one figure of each tracker on each sequence, and the mean below."""
     trackers = list(results.summary)
-    rows = [[f'{_TITLES[key]} by sequence', *trackers]]
+    rows = [[f'{TITLES[key]} by sequence', *trackers]]
     for sequence, by_tracker in results.by_sequence.items():
         rows.append([sequence, *(_cell(by_tracker.get(tracker, {}), key) for tracker in trackers)])
     rows.append(['mean', *(_cell(results.summary[tracker], key) for tracker in trackers)])
@@ -47,6 +48,12 @@ def aligned(rows: Ordered[Ordered[str]]) -> str:
              for row in rows]
     lines.insert(1, '  '.join('-' * width for width in widths))
     return '\n'.join(lines)
+
+
+def markdown(rows: Ordered[Ordered[str]]) -> str:
+    """Return rows as a Markdown table: the first row is the head."""
+    rule = ['---', *['---:'] * (len(rows[0]) - 1)]
+    return '\n'.join('| ' + ' | '.join(row) + ' |' for row in [rows[0], rule, *rows[1:]])
 
 
 def number_text(value: float, key: str) -> str:

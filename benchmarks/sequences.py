@@ -1,0 +1,161 @@
+"""
+Accuracy of every tracker, and of OpenCV's, on the shared sequences.
+
+`scripts/peers --python benchmarks/sequences.py [--seeds K]` writes docs/results/sequences.json and
+.md, and checks that the harness measures CSRT and KCF as an outside one does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+import sys
+
+import numpy as np
+
+from vtrack_ros.evaluation import evaluate, parse_variants, Results
+from vtrack_ros.evaluation.cache import default_folder, RunCache
+from vtrack_ros.evaluation.document import document
+from vtrack_ros.evaluation.peers import peer_names
+from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.evaluation.table import markdown, number_text, summary_table, TITLES
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Mean AUC over the sixteen targets by an outside harness with OpenCV 5.0, and how near is right.
+REFERENCE = {'opencv_csrt': (0.58, 0.02), 'opencv_kcf': (0.25, 0.03)}
+PER_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'coverage90',
+                'cpu_ms_median')
+COLUMNS = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
+           'losses_reported', 'report_frames', 'false_alarms', 'coverage50', 'coverage90',
+           'cpu_ms_median')
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Evaluate, write the results and check the references."""
+    arguments = _arguments(argv)
+    if not {'opencv_csrt', 'opencv_kcf'} <= set(peer_names()):
+        print('this OpenCV has neither CSRT nor KCF; run it as\n'
+              '  scripts/peers --python benchmarks/sequences.py', file=sys.stderr)
+        return 2
+    results = evaluate(
+        parse_variants(arguments.trackers), arguments.sequences, arguments.seeds,
+        arguments.jobs, ProgressBar(sys.stderr), RunCache(default_folder()))
+    for problem in results.problems:
+        print(f'failed: {problem}', file=sys.stderr)
+    print(summary_table(results))
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / 'sequences.json').write_text(
+        json.dumps(_compact(results), indent=1) + '\n', encoding='utf-8')
+    (arguments.out / 'sequences.md').write_text(_page(results), encoding='utf-8')
+    return 1 if results.problems or not _references_hold(results) else 0
+
+
+def difference(results: Results, tracker: str, other: str) -> tuple[float, float, float]:
+    """
+    Return the mean difference of two trackers' AUC, and its 95 % bootstrap interval over targets.
+
+    Parameters
+    ----------
+    results : Results
+    tracker, other : str
+        Labels; positive where the first is better.
+
+    """
+    rows = [row for row in results.by_sequence.values() if tracker in row and other in row]
+    gaps = np.array([row[tracker]['auc'] - row[other]['auc'] for row in rows])
+    draws = np.random.default_rng(0).integers(0, len(gaps), (10000, len(gaps)))
+    low, high = np.percentile(gaps[draws].mean(axis=1), [2.5, 97.5])
+    return float(gaps.mean()), float(low), float(high)
+
+
+def _arguments(argv: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
+    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--trackers', default='all,peers')
+    parser.add_argument('--seeds', type=int, default=5)
+    parser.add_argument('--jobs', type=int)
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
+    return parser.parse_args(argv)
+
+
+def _references_hold(results: Results) -> bool:
+    holds = True
+    for peer, (expected, tolerance) in REFERENCE.items():
+        if peer not in results.summary or len(results.sequences) != 16:
+            continue
+        measured = results.summary[peer]['auc']
+        good = abs(measured - expected) <= tolerance
+        holds = holds and good
+        print(f'{peer}: AUC {measured:.3f}, outside harness {expected:.2f} +- {tolerance:.2f}: '
+              f'{"agrees" if good else "DISAGREES"}')
+    return holds
+
+
+def _compact(results: Results) -> dict[str, object]:
+    whole = document(results)
+    keys = {key for figure in PER_SEQUENCE for key in (figure, f'{figure}_std')}
+
+    def rounded(row: dict[str, float | None], kept: set[str]) -> dict[str, float | None]:
+        return {key: None if value is None else round(value, 4)
+                for key, value in row.items() if key in kept}
+
+    whole['sequences'] = {
+        name: {tracker: rounded(row, keys) for tracker, row in rows.items()}
+        for name, rows in whole['sequences'].items()}
+    whole['summary'] = {tracker: rounded(row, set(row))
+                        for tracker, row in whole['summary'].items()}
+    return whole
+
+
+def _page(results: Results) -> str:
+    facts = document(results)['environment']
+    ranked = sorted(results.summary, key=lambda label: -results.summary[label]['auc'])
+    seeds = len(results.seeds)
+    head = (
+        '# The sequences: every tracker beside its peers\n\n'
+        f'{len(results.sequences)} targets, {seeds} seed{"s" * (seeds != 1)}, '
+        'one set of defaults for all, one pass from the first true box, one thread. Made by '
+        '`scripts/peers --python benchmarks/sequences.py`; what the figures mean is in '
+        '[evaluate.md](../evaluate.md).\n\n'
+        + ', '.join(f'{key} {value}' for key, value in facts.items())
+        + f'. Times {results.timings}: processor time of an update, median.\n')
+    rows = [['tracker', *(TITLES[key] for key in COLUMNS), 'AUC minus CSRT [95 %]']]
+    for label in ranked:
+        scores = results.summary[label]
+        cells = [number_text(scores[key], key) for key in COLUMNS]
+        if scores['auc_std']:
+            cells[0] += f' ± {scores["auc_std"]:.3f}'
+        rows.append([label, *cells, _gap(results, label)])
+    by_sequence = [['target', *ranked]]
+    for name, row in results.by_sequence.items():
+        by_sequence.append([name, *(number_text(
+            row.get(label, {}).get('auc', math.nan), 'auc') for label in ranked)])
+    return (f'{head}\n## Means over the targets\n\n{markdown(rows)}\n\n'
+            'Overlap, centre and calibration are means over the targets; AUROC is of all frames '
+            'together. The interval is a bootstrap over the targets. The peers give no '
+            'covariance, and no confidence but found or not.\n\n'
+            f'## AUC by target\n\n{markdown(by_sequence)}\n\n{_checks(results)}')
+
+
+def _gap(results: Results, label: str) -> str:
+    if label == 'opencv_csrt' or 'opencv_csrt' not in results.summary:
+        return '-'
+    gap, low, high = difference(results, label, 'opencv_csrt')
+    return f'{gap:+.3f} [{low:+.3f}, {high:+.3f}]'
+
+
+def _checks(results: Results) -> str:
+    lines = ['## Does the harness measure right?', '']
+    for peer, (expected, tolerance) in REFERENCE.items():
+        if peer in results.summary:
+            measured = results.summary[peer]['auc']
+            verdict = 'agrees' if abs(measured - expected) <= tolerance else 'does not agree'
+            lines.append(f'- {peer}: mean AUC {measured:.3f} here, {expected:.2f} by an outside '
+                         f'harness; within {tolerance:.2f} it {verdict}.')
+    return '\n'.join(lines) + '\n'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

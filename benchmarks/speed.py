@@ -1,0 +1,294 @@
+"""
+Time per frame of every tracker, beside OpenCV's CSRT and KCF on the same frames.
+
+`scripts/peers --python benchmarks/speed.py` writes docs/results/speed.json, .md and .svg. All
+trackers run in one process on one thread and take turns on short stretches of the same film, so
+that whatever else the machine does meets them alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from dataclasses import dataclass
+import json
+import math
+from pathlib import Path
+import sys
+import time
+from typing import Any
+
+import cv2
+import numpy as np
+
+from vtrack_ros.evaluation import parse_variant, parse_variants, TrackerVariant
+from vtrack_ros.evaluation.charts import colour, Curve, line_chart, standalone
+from vtrack_ros.evaluation.environment import environment
+from vtrack_ros.evaluation.peers import peer_names
+from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.evaluation.table import markdown
+from vtrack_ros.evaluation.threads import restart_on_one_thread
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+ROOT = Path(__file__).resolve().parents[1]
+PEERS = ('opencv_csrt', 'opencv_kcf')
+SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
+VGA = (640, 480)
+TARGET = 64
+TARGETS = (16, 32, 64, 128, 256)
+PARTICLES = (25, 50, 100, 150, 200, 400, 800)
+TURN = 8
+
+
+@dataclass(frozen=True)
+class Film:
+    """Frames of a textured target that wanders over a textured ground, and its true boxes."""
+
+    frames: list[Frame]
+    truth: list[Box]
+
+
+def film(size: tuple[int, int], target: int, frames: int, seed: int) -> Film:
+    """
+    Render a film.
+
+    Parameters
+    ----------
+    size : tuple of int, [px]
+        Width and height.
+    target : int, [px]
+        The target's side.
+    frames : int
+        How many.
+    seed : int
+        Of textures, noise and path.
+
+    """
+    rng = np.random.default_rng(seed)
+    width, height = size
+    ground = _texture(rng, height, width, (100, 115, 105), 40)
+    patch = _texture(rng, target, target, (70, 90, 190), 50)
+    reach = min(40.0, (width - target) / 2 - 2, (height - target) / 2 - 2)
+    pictures, truth = [], []
+    for index in range(frames):
+        x = round((width - target) / 2 + reach * math.sin(index / 13))
+        y = round((height - target) / 2 + reach * math.sin(index / 9 + 1) - reach * math.sin(1))
+        y = min(max(y, 0), height - target)
+        frame = ground.copy()
+        frame[y:y + target, x:x + target] = patch
+        noise = rng.integers(-6, 7, (height, width, 1), dtype=np.int16)
+        pictures.append(np.clip(frame + noise, 0, 255).astype(np.uint8))
+        truth.append(Box(x, y, target, target))
+    return Film(pictures, truth)
+
+
+def timed(
+        variants: Iterable[TrackerVariant], made: Film, seed: int) -> dict[str, dict[str, float]]:
+    """
+    Return the median processor and clock times of an update of each tracker, and its mean IoU.
+
+    Parameters
+    ----------
+    variants : iterable of TrackerVariant
+        They take turns of `TURN` frames.
+    made : Film
+        What they all see.
+    seed : int
+        The trackers' seed.
+
+    """
+    trackers = {variant.label: variant.create(seed) for variant in variants}
+    cpu: dict[str, list[float]] = {label: [] for label in trackers}
+    wall: dict[str, list[float]] = {label: [] for label in trackers}
+    overlap: dict[str, list[float]] = {label: [] for label in trackers}
+    for tracker in trackers.values():
+        tracker.start(made.frames[0], made.truth[0])
+    for begin in range(1, len(made.frames), TURN):
+        for label, tracker in trackers.items():
+            for index in range(begin, min(begin + TURN, len(made.frames))):
+                cpu_began, began = time.process_time(), time.perf_counter()
+                estimate = tracker.update(made.frames[index])
+                ended, cpu_ended = time.perf_counter(), time.process_time()
+                cpu[label].append(1e3 * (cpu_ended - cpu_began))
+                wall[label].append(1e3 * (ended - began))
+                overlap[label].append(estimate.box.iou(made.truth[index]))
+    return {label: {'cpu_ms': float(np.median(cpu[label])),
+                    'wall_ms': float(np.median(wall[label])),
+                    'wall_ms_p99': float(np.percentile(wall[label], 99)),
+                    'iou': float(np.mean(overlap[label]))} for label in trackers}
+
+
+def measure(variants: list[TrackerVariant], frames: int, seeds: int) -> dict[str, Any]:
+    """Return all measurements: by image size, by target size and by number of particles."""
+    swarms = [variant for variant in variants
+              if 'particles' in variant.tracker_class.PARAMETERS and not variant.parameters]
+    total = len(SIZES) + len(TARGETS) + 1
+    bar, done = ProgressBar(sys.stderr, 'films'), 0
+    bar(done, total)
+    images, targets = {}, {}
+    for size in SIZES:
+        images[f'{size[0]}x{size[1]}'] = _over_seeds(variants, size, TARGET, frames, seeds)
+        bar(done := done + 1, total)
+    for target in TARGETS:
+        targets[str(target)] = _over_seeds(variants, VGA, target, frames, seeds)
+        bar(done := done + 1, total)
+    counts: dict[str, dict[str, dict[str, float]]] = {}
+    for count in PARTICLES:
+        sized = [parse_variant(f'{variant.name}:particles={count}') for variant in swarms
+                 if _allows(variant, count)]
+        row = _over_seeds(sized, VGA, TARGET, frames, seeds)
+        counts[str(count)] = {label.partition(':')[0]: cells for label, cells in row.items()}
+    bar(total, total)
+    return {'image': images, 'target': targets, 'particles': counts}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Measure and write the results."""
+    arguments = _arguments(argv)
+    missing = set(PEERS) - set(peer_names())
+    if missing:
+        print('this OpenCV has neither CSRT nor KCF; run it as\n'
+              '  scripts/peers --python benchmarks/speed.py', file=sys.stderr)
+        return 2
+    variants = parse_variants(f'{arguments.trackers},{",".join(PEERS)}')
+    measured = measure(variants, arguments.frames, arguments.seeds)
+    content = {'environment': environment(), 'threads': 1, 'frames': arguments.frames,
+               'seeds': list(range(arguments.seeds)), 'target_px': TARGET, **measured}
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (arguments.out / 'speed.json').write_text(
+        json.dumps(_rounded(content), indent=1) + '\n', encoding='utf-8')
+    page = _page(content)
+    (arguments.out / 'speed.md').write_text(page, encoding='utf-8')
+    for name, chart in _charts(content).items():
+        (arguments.out / f'speed_{name}.svg').write_text(chart, encoding='utf-8')
+    print(page)
+    return 0
+
+
+def _arguments(argv: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
+    parser.add_argument('--trackers', default='all')
+    parser.add_argument('--frames', type=int, default=80)
+    parser.add_argument('--seeds', type=int, default=3)
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
+    return parser.parse_args(argv)
+
+
+def _texture(
+        rng: np.random.Generator, height: int, width: int, mean: tuple[int, int, int],
+        contrast: float) -> Frame:
+    """Return noise of several grain sizes about a colour."""
+    total = np.zeros((height, width, 3), np.float32)
+    for grain in (3, 8, 24):
+        small = rng.standard_normal(
+            (height // grain + 2, width // grain + 2, 3)).astype(np.float32)
+        total += cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
+    picture = np.array(mean) + contrast * total / 3 ** 0.5
+    return np.clip(picture, 0, 255).astype(np.uint8)
+
+
+def _over_seeds(
+        variants: list[TrackerVariant], size: tuple[int, int], target: int, frames: int,
+        seeds: int) -> dict[str, dict[str, float]]:
+    """Return the mean of each figure over seeds, and the standard deviation of the time."""
+    if not variants:
+        return {}
+    rounds = [timed(variants, film(size, target, frames, seed), seed) for seed in range(seeds)]
+    result = {}
+    for label in rounds[0]:
+        row = {key: float(np.mean([one[label][key] for one in rounds]))
+               for key in rounds[0][label]}
+        spread = [one[label]['cpu_ms'] for one in rounds]
+        row['cpu_ms_std'] = float(np.std(spread, ddof=1)) if seeds > 1 else 0.0
+        result[label] = row
+    return result
+
+
+def _allows(variant: TrackerVariant, count: int) -> bool:
+    try:
+        variant.tracker_class.PARAMETERS.checked({'particles': count})
+    except ValueError:
+        return False
+    return True
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in value.items()}
+    return round(value, 4) if isinstance(value, float) else value
+
+
+def _charts(content: dict[str, Any]) -> dict[str, str]:
+    titles = {'image': ('megapixels of the image', f'time by image size, target {TARGET} px'),
+              'target': ('side of the target [px]', 'time by target size, 640x480'),
+              'particles': ('particles', f'time by particles, 640x480, target {TARGET} px')}
+    labels = list(content['image'][f'{VGA[0]}x{VGA[1]}'])
+    charts = {}
+    for name, (x_label, title) in titles.items():
+        rows = content[name]
+        shown = [label for label in labels if any(label in row for row in rows.values())]
+        curves = []
+        for label in shown:
+            points = [(_abscissa(key), row[label]['cpu_ms'])
+                      for key, row in rows.items() if label in row]
+            x, y = np.array(points, dtype=np.float64).T
+            curves.append(Curve(label, colour(labels.index(label)), x, y))
+        if curves:
+            chart = line_chart(curves, x_label, 'ms per frame', width=620, height=340,
+                               logarithmic=True)
+            legend = {curve.label: curve.color for curve in curves}
+            charts[name] = standalone(chart, legend, title)
+    return charts
+
+
+def _abscissa(key: str) -> float:
+    if 'x' in key:
+        width, height = key.split('x')
+        return int(width) * int(height) / 1e6
+    return float(key)
+
+
+def _page(content: dict[str, Any]) -> str:
+    facts = ', '.join(f'{key} {value}' for key, value in content['environment'].items())
+    vga = content['image'][f'{VGA[0]}x{VGA[1]}']
+    csrt, kcf = (vga[peer]['cpu_ms'] for peer in PEERS)
+    ratios = [['tracker', 'cpu ms', 'ms', 'ms p99', 'fps', 'times CSRT', 'times KCF', 'mean IoU',
+               'target 16 to 256 px', 'VGA to full HD']]
+    small, large = (content['target'][str(target)] for target in (TARGETS[0], TARGETS[-1]))
+    full = content['image']['1920x1080']
+    for label, row in sorted(vga.items(), key=lambda item: item[1]['cpu_ms']):
+        ms = row['cpu_ms']
+        ratios.append([
+            label, f'{ms:.2f} ± {row["cpu_ms_std"]:.2f}', f'{row["wall_ms"]:.2f}',
+            f'{row["wall_ms_p99"]:.2f}', f'{1e3 / ms:.0f}', f'{csrt / ms:.1f}', f'{kcf / ms:.1f}',
+            f'{row["iou"]:.2f}', f'{large[label]["cpu_ms"] / small[label]["cpu_ms"]:.2f}',
+            f'{full[label]["cpu_ms"] / ms:.2f}'])
+    parts = [
+        '# Speed', '',
+        f'Processor time of an update, median over {content["frames"] - 1} frames, mean and '
+        f'standard deviation over seeds {", ".join(map(str, content["seeds"]))}; one thread, all '
+        'trackers in one process, in turns on the same frames. Made by '
+        '`scripts/peers --python benchmarks/speed.py`. ' + facts + '.', '',
+        f'## 640x480, target {TARGET} px', '',
+        '"times CSRT" and "times KCF": how many times their frame rate. The last two columns are '
+        'growth: the time at the larger size by that at the smaller.', '',
+        markdown(ratios), '']
+    titles = {'image': 'Image size', 'target': 'Target size, 640x480',
+              'particles': 'Particles, 640x480'}
+    for name, title in titles.items():
+        rows = content[name]
+        labels = [label for label in vga if any(label in row for row in rows.values())]
+        if not labels:
+            continue
+        parts += [f'## {title} [cpu ms]', '', markdown([
+            ['tracker', *rows],
+            *([label, *(f'{row[label]["cpu_ms"]:.2f}' if label in row else '-'
+                        for row in rows.values())] for label in labels)]), '',
+            f'![{title}](speed_{name}.svg)', '']
+    return '\n'.join(parts)
+
+
+if __name__ == '__main__':
+    restart_on_one_thread()
+    sys.exit(main())

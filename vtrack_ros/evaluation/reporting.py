@@ -1,0 +1,141 @@
+"""What a tracker says about itself, against the truth: confidence, state and covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtrack_ros.evaluation.metrics import (
+    BoolArray, center_offsets, FloatArray, off_target, on_target)
+
+
+def auroc(positive: ArrayLike, negative: ArrayLike) -> float:
+    """
+    Return the probability that a positive scores above a negative, ties counted by half.
+
+    The area under the receiver operating characteristic, by the rank-sum statistic; NaN where
+    there are no positives or no negatives.
+    """
+    high = np.asarray(positive, dtype=np.float64)
+    low = np.sort(np.asarray(negative, dtype=np.float64))
+    if not len(high) or not len(low):
+        return math.nan
+    below = np.searchsorted(low, high, side='left')
+    up_to = np.searchsorted(low, high, side='right')
+    return float((below + up_to).mean() / (2 * len(low)))
+
+
+@dataclass(frozen=True)
+class Losses:
+    """
+    How a tracker reports that it lost the target.
+
+    A loss begins with the first frame off the target after one on it (the start counts as on) and
+    ends with the next frame on it.
+
+    Parameters
+    ----------
+    count : int
+        How many there were.
+    delays : tuple of int, [frames]
+        For each loss that the tracker reported: the frames that passed before it did, 0 where the
+        first one was reported already.
+
+    """
+
+    count: int
+    delays: tuple[int, ...]
+
+
+def losses(overlap: FloatArray, reported: BoolArray) -> Losses:
+    """
+    Return how the losses of a sequence were reported.
+
+    Parameters
+    ----------
+    overlap : ndarray, shape (n,)
+        The overlaps, NaN where the target is absent.
+    reported : ndarray of bool, shape (n,)
+        Whether the tracker said in that frame that it doesn't see the target.
+
+    """
+    on, off = on_target(overlap), off_target(overlap)
+    count, began = 0, -1
+    delays = []
+    lost = said = False
+    for index in range(len(overlap)):
+        if not lost and off[index]:
+            count, began, lost, said = count + 1, index, True, False
+        elif on[index]:
+            lost = False
+        if lost and not said and reported[index]:
+            delays.append(index - began)
+            said = True
+    return Losses(count, tuple(delays))
+
+
+def return_delays(overlap: FloatArray) -> tuple[float, ...]:
+    """
+    Return, for each absence of the target that ended, the frames from its return until on target.
+
+    Inf for a target that was not found again before it went or the sequence ended, 0 where the
+    box is on the target in the frame of its return.
+    """
+    delays = []
+    returned = -1
+    absent = np.isnan(overlap)
+    on = on_target(overlap)
+    for index in range(1, len(overlap)):
+        if absent[index] and returned >= 0:
+            delays.append(math.inf)
+            returned = -1
+        elif absent[index - 1] and not absent[index]:
+            returned = index
+        if returned >= 0 and on[index]:
+            delays.append(float(index - returned))
+            returned = -1
+    if returned >= 0:
+        delays.append(math.inf)
+    return tuple(delays)
+
+
+def inside_ellipse(
+        boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
+        probability: float) -> FloatArray:
+    """
+    Return 1 where the true centre is inside the ellipse of the covariance, 0 where it's outside.
+
+    Parameters
+    ----------
+    boxes, truth : ndarray, shape (n, 4), [px]
+        Row by row of the same frames.
+    covariances : ndarray, shape (n, 2, 2), [px^2]
+        Of the centre.
+    probability : float
+        What share of a normal distribution the ellipse holds: its squared Mahalanobis radius is
+        -2 log(1 - probability).
+
+    Returns
+    -------
+    inside : ndarray, shape (n,)
+        NaN where the truth is absent or the covariance not finite; a singular covariance holds
+        nothing.
+
+    """
+    offset = center_offsets(boxes, truth)
+    covariance = np.asarray(covariances, dtype=np.float64)
+    if covariance.shape != (len(offset), 2, 2):
+        raise ValueError(
+            f'covariances must have shape ({len(offset)}, 2, 2), not {covariance.shape}')
+    xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    dx, dy = offset[:, 0], offset[:, 1]
+    determinant = xx * yy - xy * xy
+    # Multiplied by the determinant, so that a singular covariance divides nothing.
+    distance = yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy
+    inside = (determinant > 0) & (distance <= -2 * math.log1p(-probability) * determinant)
+    result: FloatArray = inside.astype(np.float64)
+    result[~(np.isfinite(distance) & np.isfinite(determinant))] = np.nan
+    return result
