@@ -84,7 +84,7 @@ CALIBRATIONS = [
 
 #: Parameters: name, value, what the node says.
 PARAMETERS = [
-    ('tracker', 'csrt', "one of"),
+    ('tracker', 'csrt', 'one of'),
     ('tracker', 7, 'Type.STRING'),
     ('seed', -1, 'out of range'),
     ('seed', 1.5, 'Type.INTEGER'),

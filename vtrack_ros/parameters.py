@@ -57,7 +57,7 @@ class Parameter:
         words = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
         text = words[self.kind]
         if self.low is not None and self.high is not None:
-            text += f' from {self.low:g} to {self.high:g}'
+            text += f' from {self.low:.10g} to {self.high:.10g}'
         return text + (f' {self.unit}' if self.unit else '')
 
     def checked(self, value: Any) -> Value:

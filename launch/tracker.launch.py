@@ -1,0 +1,78 @@
+"""
+Launch one tracker.
+
+    ros2 launch vtrack_ros tracker.launch.py image:=/camera/image_raw tracker:=gmpf
+
+`ros2 launch vtrack_ros tracker.launch.py --show-args` lists the arguments.
+
+"""
+
+import os
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+import yaml
+
+ARGUMENTS = {
+    'tracker': ('', 'the tracker; empty: as params_file says, or gmpf'),
+    'image': ('image', 'topic of the images (of CompressedImage with image_transport:=compressed)'),
+    'camera_info': ('camera_info', 'topic of the calibration'),
+    'image_transport': ('raw', 'raw or compressed'),
+    'init_box': ('', 'the target on the first frame: "[x, y, width, height]" in pixels; empty: '
+                     'wait for a selection'),
+    'params_file': ('', 'YAML file with parameters, such as those in share/vtrack_ros/config'),
+    'namespace': ('', 'namespace of the node and its topics'),
+    'name': ('tracker', 'name of the node'),
+    'managed': ('false', 'true: a lifecycle node, to be configured and activated'),
+    'use_sim_time': ('false', "true: the time of /clock, as with ros2 bag play --clock"),
+    'fastdds_profile': ('true', 'true: shared memory that holds images (config/fastdds.xml)'),
+    'log_level': ('info', 'debug, info, warn or error'),
+}
+
+
+def generate_launch_description():
+    """Declare the arguments; the node follows from them."""
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=description)
+        for name, (default, description) in ARGUMENTS.items()]
+    return LaunchDescription([*declared, OpaqueFunction(function=nodes)])
+
+
+def nodes(context):
+    """Return the node that the arguments describe."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    parameters = {
+        'image_transport': given['image_transport'],
+        'use_sim_time': yes(given['use_sim_time'])}
+    if given['tracker']:
+        parameters['tracker'] = given['tracker']
+    if given['init_box']:
+        parameters['init_box'] = [float(value) for value in yaml.safe_load(given['init_box'])]
+    source = 'image/compressed' if given['image_transport'] == 'compressed' else 'image'
+    return [Node(
+        package='vtrack_ros',
+        executable='tracker_lifecycle' if yes(given['managed']) else 'tracker',
+        namespace=given['namespace'],
+        name=given['name'],
+        parameters=[*filter(None, [given['params_file']]), parameters],
+        remappings=[(source, given['image']), ('camera_info', given['camera_info'])],
+        arguments=['--ros-args', '--log-level', given['log_level']],
+        additional_env=profile() if yes(given['fastdds_profile']) else {},
+        output='screen')]
+
+
+def profile():
+    """Return the environment that names the Fast DDS profile."""
+    path = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
+    return {'FASTRTPS_DEFAULT_PROFILES_FILE': path, 'FASTDDS_DEFAULT_PROFILES_FILE': path}
+
+
+def yes(text):
+    """Return the bool that an argument spells."""
+    value = yaml.safe_load(text)
+    if not isinstance(value, bool):
+        raise ValueError(f'an argument must be true or false, not {text!r}')
+    return value
