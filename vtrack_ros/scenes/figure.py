@@ -113,9 +113,9 @@ class Person:
             ball(-2.1, -93.2 + rise, head_z + 5.6, 0.9, 0.5, 0.6, eyes),
             ball(2.1, -93.2 + rise, head_z + 5.6, 0.9, 0.5, 0.6, eyes),
             limb((0, -80 + rise, 0.5 * lean), (0, -88 + rise, head_z - 1), 3.1, self._skin),
-            ball(0, -69 + rise, 0.4 * lean, 11.5, 15.5, 7.0, self._shirt),
+            ball(0, -69 + rise, 0.4 * lean, 11.5, 15.5, 8.4, self._shirt),
             limb((-8, -80 + rise, lean), (8, -80 + rise, lean), 4.6, self._shirt),
-            ball(0, -54.5 + rise, 0, 9.6, 7.5, 6.6, self._trousers),
+            ball(0, -54.5 + rise, 0, 9.6, 7.5, 8.0, self._trousers),
         ]
         for side in (-1, 1):
             swing = phase if side > 0 else phase + math.pi
@@ -124,7 +124,7 @@ class Person:
         return parts
 
     def _leg(self, side: int, swing: float, stride: float, rise: float) -> list[Ellipsoid]:
-        thigh = 0.46 * stride * math.sin(swing)
+        thigh = 0.38 * stride * math.sin(swing)
         bend = stride * (0.12 + 0.55 * max(0.0, math.cos(swing + 0.4)))
         hip = np.array([5.0 * side, -52 + rise, 0])
         knee = hip + 25 * np.array([0, math.cos(thigh), math.sin(thigh)])
@@ -142,7 +142,7 @@ class Person:
 
     def _arm(self, side: int, swing: float, stride: float, rise: float,
              lean: float) -> list[Ellipsoid]:
-        upper = 0.42 * stride * math.sin(swing)
+        upper = 0.34 * stride * math.sin(swing)
         bend = 0.25 + 0.75 * max(0.0, stride - 0.9)
         shoulder = np.array([11.5 * side, -79 + rise, lean])
         elbow = shoulder + 16.5 * np.array([0.12 * side, math.cos(upper), math.sin(upper)])

@@ -75,7 +75,7 @@ def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
 
 
 def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float, *,
-           stride: float = 1.0, phase: float = 0.0,
+           stride: float = 1.0, phase: float = 0.12,
            stature: float = 1.0) -> tuple[Actor, Actor]:
     """
     Return a person's shadow and the person, walking where x(t) and y(t) put the feet.
@@ -91,7 +91,7 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
     stride : float
         As in `Person.sprite`.
     phase : float, [steps]
-        Where in the step they begin.
+        Where in a double step they are at time 0.
     stature : float
         1 for somebody of average height.
 
@@ -102,7 +102,8 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
     # Ways towards the camera look shorter than they are.
     toward = np.diff(ys) * 3.5
     paces = np.hypot(np.diff(xs), toward) / sizes[1:] / 115
-    steps = phase + np.concatenate([[0.0], np.cumsum(paces)]) / stride
+    steps = np.concatenate([[0.0], np.cumsum(paces)]) / stride
+    steps += phase - np.interp(0.0, times, steps)
     speed = np.gradient(steps, times)
     smooth = np.ones(9) / 9
     heading_x = np.convolve(np.pad(np.gradient(xs), 4, mode='edge'), smooth, 'valid')

@@ -98,7 +98,7 @@ def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
 
 def football(view: View, rng: np.random.Generator) -> Scene:
     """Return a player among players: covered at frames 58 to 76, in shade from frame 85 on."""
-    ground = Ground(20, 0.0046, 200)
+    ground = Ground(20, 0.005, 200)
     backdrop = outdoor.pitch(view, ground, rng)
     blue = Outfit(shirt=(170, 70, 40), stripe=(215, 215, 215), trousers=(205, 205, 205),
                   shorts=True, socks=(190, 185, 180), sleeves=False)
@@ -118,9 +118,9 @@ def football(view: View, rng: np.random.Generator) -> Scene:
             phase: float) -> tuple[Actor, Actor]:
         across, away = keyframes(*path), keyframes(*depth)
         return walker(person, ground, lambda time: across(time) + veer[which](time), away, 150,
-                      stride=1.5, phase=phase)
+                      stride=1.4, phase=phase)
 
-    target = walker(team[0], ground, x, y, 150, stride=1.5)
+    target = walker(team[0], ground, x, y, 150, stride=1.4)
     behind = (
         *run(rivals[2], ((0, 330), (70, 250), (150, 130)), ((0, 96), (150, 108)), 0, 0.2),
         *run(team[2], ((0, 20), (80, 150), (150, 250)), ((0, 112), (150, 120)), 1, 0.7),
