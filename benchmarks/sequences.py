@@ -59,6 +59,7 @@ def difference(results: Results, tracker: str, other: str) -> tuple[float, float
     Parameters
     ----------
     results : Results
+        Where both are in.
     tracker, other : str
         Labels; positive where the first is better.
 

@@ -185,7 +185,8 @@ def _texture(
             (height // grain + 2, width // grain + 2, 3)).astype(np.float32)
         total += cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
     picture = np.array(mean) + contrast * total / 3 ** 0.5
-    return np.clip(picture, 0, 255).astype(np.uint8)
+    result: Frame = np.clip(picture, 0, 255).astype(np.uint8)
+    return result
 
 
 def _over_seeds(

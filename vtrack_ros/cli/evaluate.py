@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 import sys
 
+from vtrack_ros.cli.arguments import positive_integer
 from vtrack_ros.evaluation.bag_sequence import read_bag
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.document import write_json
@@ -19,7 +20,12 @@ from vtrack_ros.evaluation.table import sequence_table, summary_table
 from vtrack_ros.evaluation.variants import parse_variants
 from vtrack_ros.scenes import scene_names
 
-SUMMARY = 'compare trackers on bags and image folders with ground truth'
+EXAMPLES = """examples:
+  vtrack evaluate --bags bags/face_fast my_bag --trackers all
+  vtrack evaluate --sequences DIR --trackers pf,gmpf --seeds 5 --html report.html
+  vtrack evaluate --sequences DIR --trackers gmpf,gmpf:particles=400,preset=paper --json out.json
+
+The exit code is 1 where a sequence was skipped because something is wrong with it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,9 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='a folder of sequences, each with img/ and groundtruth_rect.txt')
     parser.add_argument('--scenes', metavar='A,B,...',
                         help='scenes as vtrack synth renders them, or all')
-    parser.add_argument('--seeds', type=_positive, default=1, metavar='K',
+    parser.add_argument('--seeds', type=positive_integer, default=1, metavar='K',
                         help='how many seeds, from 0 on (default 1)')
-    parser.add_argument('--jobs', type=_positive, metavar='J',
+    parser.add_argument('--jobs', type=positive_integer, metavar='J',
                         help='how many processes (default: as many as there are processors)')
     parser.add_argument('--json', type=_output, metavar='FILE', help='write all figures as JSON')
     parser.add_argument('--html', type=_output, metavar='FILE',
@@ -84,17 +90,6 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if results.problems else 0
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run the command by itself, as `python -m vtrack_ros.evaluation` does."""
-    parser = argparse.ArgumentParser('vtrack evaluate', description=SUMMARY)
-    add_arguments(parser)
-    arguments = parser.parse_args(argv)
-    try:
-        return run(arguments)
-    except (TypeError, ValueError) as error:
-        parser.error(str(error))
-
-
 def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:
     if arguments.sequences is None and not arguments.bags and not arguments.scenes:
         raise ValueError(
@@ -120,19 +115,9 @@ def _print(results: Results) -> None:
     print(sequence_table(results))
     print()
     print(summary_table(results))
-    seeds = len(results.seeds)
-    print(f'\n{len(results.sequences)} targets, {seeds} seed{"s" * (seeds != 1)}, '
+    targets, seeds = len(results.sequences), len(results.seeds)
+    print(f'\n{targets} target{"s" * (targets != 1)}, {seeds} seed{"s" * (seeds != 1)}, '
           f'times {results.timings}')
-
-
-def _positive(text: str) -> int:
-    try:
-        number = int(text)
-    except ValueError:
-        number = 0
-    if number < 1:
-        raise argparse.ArgumentTypeError(f'must be a whole number from 1 on, not {text!r}')
-    return number
 
 
 def _output(text: str) -> Path:
@@ -140,7 +125,3 @@ def _output(text: str) -> Path:
     if not path.resolve().parent.is_dir():
         raise argparse.ArgumentTypeError(f'there is no folder {path.resolve().parent}')
     return path
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -2,7 +2,7 @@
 
 import sys
 
-from vtrack_ros.cli.evaluate import main
+from vtrack_ros.cli.main import main
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(main(['evaluate', *sys.argv[1:]]))
