@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
+from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
+from vtrack_ros.estimation.kalman import KalmanFilter
 from vtrack_ros.estimation.linear_models import ConstantVelocity, FirstOrderAutoregressive
 from vtrack_ros.estimation.particle_filter import ParticleFilter
 from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal
@@ -109,24 +112,33 @@ def test_the_seed_decides(proposal):
     np.testing.assert_array_equal(*runs)
 
 
-def test_state_can_be_read_and_set():
-    particle_filter = make(proposal=GreyProposal())
+def test_a_belief_can_be_carried_to_another_filter():
+    first = make(proposal=GreyProposal())
     for step in range(7):
-        particle_filter.step(np.array([step, step]))
-    kept = particle_filter.belief
-    rng = np.random.default_rng(9)
+        first.step(np.array([step, step]))
     outcomes = []
     for _ in range(2):
-        particle_filter.belief = kept
-        particle_filter._rng = np.random.default_rng(rng.integers(1) + 7)
-        outcomes.append(particle_filter.step(np.array([7.0, 7.0])).mean)
+        other = make(proposal=GreyProposal(), rng=np.random.default_rng(7))
+        other.belief = first.belief
+        outcomes.append(other.step(np.array([7.0, 7.0])).mean)
     np.testing.assert_array_equal(*outcomes)
-    states = np.full((50, 6), 2.0) + 0.1 * np.arange(6)
-    belief = particle_filter.set_particles(states)
-    assert len(belief) == 50 and belief.time == kept.time + 1
-    assert len(belief.estimates) == 5
-    result = particle_filter.step()
-    assert len(result.belief) == 50
+
+
+@pytest.mark.parametrize('covariance', ['reset', 'kept'])
+def test_particles_put_by_the_caller_keep_time_and_memory(covariance):
+    model = ConstantVelocity(2, 2)
+    proposals = (GreyProposal(), GaussianFilterProposal(KalmanFilter(model), covariance))
+    for proposal in proposals:
+        particle_filter = make(model, proposal)
+        for step in range(7):
+            particle_filter.step(np.array([step, step]))
+        kept = particle_filter.belief
+        belief = particle_filter.set_particles(
+            np.random.default_rng(9).normal(2.0, 1.0, (50, 6)))
+        assert len(belief) == 50 and belief.time == kept.time
+        assert belief.estimates == kept.estimates
+        result = particle_filter.step(np.array([7.0, 7.0]))
+        assert len(result.belief) == 50 and np.isfinite(result.mean).all()
 
 
 def test_particles_may_be_set_without_a_start():
@@ -235,6 +247,34 @@ def test_full_weights_are_the_paper_s():
 def test_wrong_options_are_refused(options, name):
     with pytest.raises(ValueError, match=name):
         make(**options)
+
+
+@pytest.mark.parametrize('options, name', [
+    ({'covariance': 'lost'}, 'covariance'), ({'inflation': -0.1}, 'inflation'),
+    ({'inflation': math.nan}, 'inflation')])
+def test_wrong_options_of_the_gaussian_proposal_are_refused(options, name):
+    with pytest.raises(ValueError, match=name):
+        GaussianFilterProposal(KalmanFilter(ConstantVelocity(1)), **options)
+
+
+def test_the_gaussian_proposal_s_density_is_the_one_that_it_samples():
+    """With a common predecessor, all come from one posterior, inflated by the prediction."""
+    model = ConstantVelocity(1, 0, 0.5, 1.0, [[0.4]])
+    states = np.tile([3.0, -1.0], (40000, 1))
+    belief = Belief(states, Weights.uniform(40000))
+    kalman = KalmanFilter(model)
+    proposed = GaussianFilterProposal(kalman, inflation=0.3).propose(
+        model, belief, 1.0, np.random.default_rng(5), np.array([2.5]))
+    noise = model.process_noise(1.0)
+    posterior = kalman.update(Gaussian.from_moments([2.0, -1.0], noise), np.array([2.5])).posterior
+    covariance = posterior.covariance[0] + 0.3 * noise
+    error = proposed.states - posterior.mean[0]
+    spread = np.sqrt(covariance.diagonal())
+    assert (np.abs(error.mean(axis=0)) < 5 * spread / 200).all()
+    np.testing.assert_allclose(np.cov(error.T), covariance,
+                               atol=5 * math.sqrt(2 / 40000) * spread.max() ** 2)
+    expected = GaussianNoise.from_covariance(covariance).log_density(error)
+    np.testing.assert_allclose(proposed.log_density, expected, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize('options, name', [

@@ -28,7 +28,8 @@ class GaussianFilterProposal(Proposal):
     Parameters
     ----------
     gaussian_filter : GaussianFilter
-        For the model of the particle filter.
+        Usually for the model of the particle filter; another one of the same dimensions makes
+        another, still correct, proposal.
     covariance : {'reset', 'kept'}
         What covariance the filter of a particle starts a step with. 'reset': zero, for the
         particle's state is given; the proposal then approximates the optimal one,
@@ -70,14 +71,14 @@ class GaussianFilterProposal(Proposal):
             states = model.sample_transition(belief.states, dt, rng, belief.time)
             if covariances is not None:
                 for part in self.gaussian_filter.blocks(count):
-                    covariances[part] = self._predicted(model, belief, part, dt).covariance
+                    covariances[part] = self._predicted(belief, part, dt).covariance
             return Proposed(states, None, covariances)
         states = rng.standard_normal((count, dimension))
         log_density = np.einsum('ij,ij->i', states, states)
         log_density += dimension * math.log(2 * math.pi)
         log_density *= -0.5
         for part in self.gaussian_filter.blocks(count):
-            predicted = self._predicted(model, belief, part, dt)
+            predicted = self._predicted(belief, part, dt)
             posterior = self.gaussian_filter.update(
                 predicted, measurement, belief.time + dt, error).posterior
             if covariances is not None:
@@ -91,13 +92,13 @@ class GaussianFilterProposal(Proposal):
             states[part] += posterior.mean
         return Proposed(states, log_density, covariances)
 
-    def _predicted(
-            self, model: StateSpaceModel, belief: Belief, part: slice, dt: float) -> Gaussian:
+    def _predicted(self, belief: Belief, part: slice, dt: float) -> Gaussian:
         """Return the predictions of some of the particles' filters."""
         states = belief.states[part]
         if self.keeps_covariances and belief.covariances is not None:
             prior = Gaussian(states, belief.covariances[part])
             return self.gaussian_filter.predict(prior, dt, belief.time)
+        model = self.gaussian_filter.model
         noise = model.process_noise(dt)
         return Gaussian(model.transition(states, dt, belief.time),
                         np.broadcast_to(noise, (len(states), *noise.shape)))

@@ -197,18 +197,20 @@ def pruned_gauss_hermite(
         threshold = pruning_threshold(dimension, order)
     # Products of the same factors in another order may differ in the last digit.
     kept = full.mean_weights >= threshold * (1 - 1e-9)
+    if kept.all():
+        return full
     if regroup:
         points, weights = full.points.copy(), full.mean_weights
         if kept.any():
             points[~kept] = _regrouped(full, kept)
     else:
         points, weights = full.points[kept], full.mean_weights[kept]
-    moment = float(weights @ points[:, 0] ** 2 / weights.sum()) if len(points) else 0.0
-    if not kept.any() or (order > 1 and moment < 1e-6):
-        raise ValueError(f'threshold {threshold:.3g} leaves no point beside the centre')
-    if matched and moment:
-        points = points / math.sqrt(moment)
     weights = weights / weights.sum()
+    moment = float(weights @ points[:, 0] ** 2)
+    if not kept.any() or moment < 1e-6:
+        raise ValueError(f'threshold {threshold:.3g} leaves no point beside the centre')
+    if matched:
+        points = points / math.sqrt(moment)
     return SigmaPointRule(points, weights, weights)
 
 
