@@ -9,14 +9,36 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
-from vtrack_ros.follower import Cadence
-
 #: Share of missing frames from which on it's worth a warning.
 NOTABLE_LOSS = 0.01
 #: How many latencies and processing times are remembered.
 MEMORY = 300
 #: A step in the stamps of more frames than this is a pause, not a loss.
 LONGEST_GAP = 30
+
+
+class Metronome:
+    """
+    Tells from the stamps alone how many frames never came.
+
+    The camera's interval is a short one among the latest: even where most frames are lost, some
+    neighbours come through. (A median would take a stream that lost every other frame for whole.)
+
+    Parameters
+    ----------
+    memory : int
+        How many intervals are remembered.
+
+    """
+
+    def __init__(self, memory: int = 100) -> None:
+        self._intervals: deque[int] = deque(maxlen=memory)
+
+    def missing(self, interval: int) -> int:
+        """Return the frames that are missing in an interval of nanoseconds between two stamps."""
+        self._intervals.append(interval)
+        shortest = sorted(self._intervals)[len(self._intervals) // 10]
+        return max(0, round(interval / max(1, shortest)) - 1)
 
 
 class FrameFlow:
@@ -38,7 +60,7 @@ class FrameFlow:
         self.processing: deque[float] = deque(maxlen=MEMORY)
         self.latency: deque[float] = deque(maxlen=MEMORY)
         self._stamp: int | None = None
-        self._cadence = Cadence()
+        self._metronome = Metronome()
         self._first_arrival = self._last_arrival = 0
         self._since = 0
         self._reported = (0, 0, 0)
@@ -69,10 +91,10 @@ class FrameFlow:
         if previous is None:
             return False
         if stamp < previous:
-            self._cadence = Cadence()
+            self._metronome = Metronome()
             return True
         if stamp > previous:
-            gap = int(self._cadence.step(stamp - previous)) - 1
+            gap = self._metronome.missing(stamp - previous)
             self.missing += gap if gap < LONGEST_GAP else 0
         return False
 

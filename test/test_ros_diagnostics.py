@@ -1,0 +1,109 @@
+"""The flow of frames: what came, what didn't, and what is said about it."""
+
+import math
+
+import numpy as np
+
+from vtrack_ros.ros.diagnostics import FrameFlow, percentiles, report
+
+STEP = 33_333_333
+MS = 10**6
+
+
+def feed(flow, indices, busy=5.0):
+    """Let frames of these indices arrive on time."""
+    for index in indices:
+        flow.arrived(index * STEP, 1 + index * STEP)
+        flow.processing.append(busy)
+        flow.latency.append(busy + 1)
+
+
+def judge(flow, now, faults=(), publishers=1):
+    """Return level and message of the last period."""
+    return report(flow, now, faults, publishers, '/image')
+
+
+def test_all_is_well():
+    """Thirty frames a second, none missing."""
+    flow = FrameFlow()
+    feed(flow, range(31))
+    level, text, values = judge(flow, 30 * STEP + 1)
+    assert level == 0 and flow.missing == 0
+    assert values['frames received'] == '31' and values['processing p50'] == '5.00 ms'
+    assert abs(float(text.split()[0]) - 31) < 0.1
+
+
+def test_missing_frames_are_counted_by_their_stamps():
+    """Every third frame never came."""
+    flow = FrameFlow()
+    feed(flow, [i for i in range(60) if i < 10 or i % 3])
+    assert flow.missing == 17
+    level, text, values = judge(flow, 60 * STEP)
+    assert level == 1 and '17' in text and 'fastdds.xml' in text
+    assert values['frames missing'] == '17'
+
+
+def test_heavy_losses_are_seen_too():
+    """Even where only one frame in four comes through."""
+    rng = np.random.default_rng(0)
+    kept = [index for index in range(2000) if rng.random() < 0.25]
+    flow = FrameFlow()
+    feed(flow, kept)
+    truly = kept[-1] - kept[0] + 1 - len(kept)
+    assert abs(flow.missing - truly) < 0.05 * truly
+
+
+def test_jitter_is_no_loss():
+    """Stamps that shake by a tenth of the interval lose nothing."""
+    rng = np.random.default_rng(0)
+    flow = FrameFlow()
+    for index in range(1000):
+        flow.arrived(index * STEP + int(rng.normal(0, 0.05 * STEP)) + STEP, 1)
+    assert flow.missing == 0
+
+
+def test_a_slow_tracker_is_told_from_a_lossy_network():
+    """When a frame takes longer than the camera's interval, that's why frames are missing."""
+    flow = FrameFlow()
+    feed(flow, [i for i in range(60) if i < 10 or i % 3], busy=60.0)
+    level, text, _ = judge(flow, 60 * STEP)
+    assert level == 1 and 'faster tracker' in text
+
+
+def test_a_pause_is_no_loss():
+    """Nor is a stream that begins again; equal stamps are nothing."""
+    flow = FrameFlow()
+    feed(flow, [*range(10), *range(1000, 1010)])
+    assert flow.missing == 0
+    assert flow.arrived(0, 1020 * STEP) is True
+    assert flow.arrived(0, 1021 * STEP) is False
+    assert flow.missing == 0
+
+
+def test_silence():
+    """Nobody publishes, or somebody does and nothing comes."""
+    flow = FrameFlow()
+    assert judge(flow, 5, publishers=0)[:2] == (1, 'nobody publishes /image')
+    assert judge(flow, 6)[:2] == (1, 'no image on /image yet')
+    feed(flow, range(3))
+    judge(flow, 3 * STEP)
+    level, text, _ = judge(flow, 3 * STEP + 4 * 10**9)
+    assert level == 1 and text == 'no image on /image for 4 s'
+
+
+def test_malformed_images_and_mismatches_come_first():
+    """The worst is said first."""
+    flow = FrameFlow()
+    feed(flow, range(10))
+    flow.malformed = 3
+    level, text, _ = judge(flow, 10 * STEP)
+    assert level == 1 and text.startswith('3 of the last 13')
+    feed(flow, range(10, 20))
+    assert judge(flow, 20 * STEP, faults=['QoS mismatch'])[:2] == (2, 'QoS mismatch')
+
+
+def test_percentiles():
+    """Those of NumPy; of nothing there are none."""
+    values = list(np.random.default_rng(0).exponential(1, 500))
+    assert percentiles(values) == (np.percentile(values, 50), np.percentile(values, 99))
+    assert all(math.isnan(value) for value in percentiles([]))
