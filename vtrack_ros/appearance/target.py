@@ -222,14 +222,26 @@ class TargetModel:
         """Tell whether a view that is off by `shift` cells can be learned from as it is."""
         return max(abs(shift[0]), abs(shift[1])) <= _CENTRED
 
-    def middle(self, features: NDArray[np.float32],
-               shift: Point = (0.0, 0.0)) -> NDArray[np.float32]:
-        """Return the features of the target's cells: shape (height, width, channels)."""
-        rows, columns = self.layout.rows, self.layout.columns
-        width, height = (max(3, round(side)) for side in self.layout.target)
-        top = min(max((rows - height) // 2 + round(shift[1]), 0), rows - height)
-        left = min(max((columns - width) // 2 + round(shift[0]), 0), columns - width)
-        return features[top:top + height, left:left + width]
+    def likeness(self, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> float:
+        """
+        Return how much a place looks like what was learned: about 1 if it's the same.
+
+        The correlation filter's highest response within two cells of the place. Since the filter
+        was learned against its surroundings, this tells the target from them far better than a
+        likeness of features does.
+
+        Parameters
+        ----------
+        spectrum : ndarray of complex64
+            Of a view.
+        shift : tuple of float, [cells]
+            The place from the view's centre.
+
+        """
+        row = min(max(round(shift[1]) + self.layout.rows // 2, 0), self.layout.rows - 1)
+        column = min(max(round(shift[0]) + self.layout.columns // 2, 0), self.layout.columns - 1)
+        response = self.correlation.response(spectrum)
+        return float(response[max(0, row - 2):row + 3, max(0, column - 2):column + 3].max())
 
     def _in_pixels(self, view: View, shift: Point) -> tuple[Point, Point]:
         """Return the target's centre and size in the view's own pixels."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_peak
 from vtrack_ros.appearance.foreground import box_mean
 from vtrack_ros.appearance.target import Point, TargetModel, View
-from vtrack_ros.appearance.template import Template
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers.base import Estimate, TrackState
@@ -24,6 +23,10 @@ _MEAN_RATE = 0.03
 #: Likeness, as a share of its mean before the trouble: out of sight below, trusted above.
 _OUT_OF_SIGHT = 0.35
 _TRUSTED = 0.6
+#: Likeness that isn't taken for out of sight, however alike the target was before.
+_UNLIKE = 9.
+#: The first frame is more like the first look than later ones will be.
+_FIRST_USUAL = 1.0
 #: Frames of trusted likeness that end the trouble.
 _TRUSTED_FRAMES = 5
 #: Frames after which a target that looks different, but is seen well, is taken for changed.
@@ -153,14 +156,7 @@ class DiscriminativeTarget:
         model = TargetModel.create(size, frame.ndim == 3)
         view = model.view(frame, center, size)
         model = model.learned(view, model.transform(view)).learned_scale(view)
-        mean = view.features.reshape(-1, view.features.shape[2]).mean(0)
-        turns = np.arange(8) * np.pi / 4
-        around = [model.view(frame, (center[0] + 1.2 * size[0] * np.cos(turn),
-                                     center[1] + 1.2 * size[1] * np.sin(turn)), size)
-                  for turn in turns]
-        self._template = Template.create(
-            model.middle(view.features),
-            [model.middle(other.features) for other in around], mean)
+        self._first = model
         evidence = model.evidence(view, model.transform(view))
         self.live = Hypothesis(model, center, size, float(evidence.max()), 1.0)
         self._first_size = size
@@ -272,7 +268,7 @@ class DiscriminativeTarget:
                 view, shift = model.view(frame, center, size), (0.0, 0.0)
                 spectrum = model.transform(view)
             model = model.learned(view, spectrum, shift, float(_LEARN_EVERY))
-        self.likeness = self._template.likeness(model.middle(view.features, shift))
+        self.likeness = self._first.likeness(spectrum, shift)
         return replace(live, model=model, center=center, size=size)
 
     def _judge(self, before: Hypothesis, peak: float, dt: float) -> None:
@@ -280,7 +276,7 @@ class DiscriminativeTarget:
         if self._fresh:
             self._fresh = False
             self.live = before = replace(
-                self.live, evidence_mean=peak, likeness_mean=max(self.likeness, 0.05))
+                self.live, evidence_mean=peak, likeness_mean=max(_FIRST_USUAL * self.likeness, 0.05))
         evidence, likeness = before.evidence_mean, before.likeness_mean
         if peak < _EVIDENCE_TROUBLE * evidence or self.likeness < _LIKENESS_TROUBLE * likeness:
             self._snapshot = before
@@ -301,9 +297,10 @@ class DiscriminativeTarget:
         self._doubtful_frames += 1
         relative = self.likeness / snapshot.likeness_mean
         self._trusted_frames = self._trusted_frames + 1 if relative > _TRUSTED else 0
+        unlike = self.likeness < min(_OUT_OF_SIGHT * snapshot.likeness_mean, _UNLIKE)
         self.out_of_sight_frames = (
-            self.out_of_sight_frames + 1 if relative < _OUT_OF_SIGHT else 0)
-        changed = (self._doubtful_frames > _ACCEPTED_FRAMES and relative >= _OUT_OF_SIGHT
+            self.out_of_sight_frames + 1 if unlike else 0)
+        changed = (self._doubtful_frames > _ACCEPTED_FRAMES and not unlike
                    and peak > 0.8 * usual)
         if self._trusted_frames >= _TRUSTED_FRAMES or changed:
             self._snapshot = None
@@ -335,7 +332,7 @@ class DiscriminativeTarget:
             if not away.any():
                 continue
             view = snapshot.model.view(frame, center, snapshot.size)
-            likeness = self._template.likeness(snapshot.model.middle(view.features))
+            likeness = self._first.likeness(snapshot.model.transform(view))
             if best is None or likeness > best[0]:
                 best = likeness, center
         return best
