@@ -71,7 +71,7 @@ def worst_moments(
 
 def moment_figure(
         moment: Moment, frame: Frame, sequence: Sequence, runs: Mapping[str, Run],
-        colors: Mapping[str, str], width: int = 320) -> str:
+        colors: Mapping[str, str], width: int = 306) -> str:
     """Return a moment as an HTML figure: the picture, the boxes over it and what one sees."""
     high, wide = frame.shape[:2]
     scale = min(1.0, 2 * width / wide)

@@ -60,8 +60,8 @@ FIGURES = (
     Figure('ms_p99', 'ms p99', 'time of an update, 99th percentile [ms]', True),
     Figure('cpu_ms_median', 'cpu ms',
            'processor time of an update, all threads together, median [ms]', True),
-    Figure('cei', 'CEI', 'composite index, smaller is better: median time 0.5, RMSE 0.3, RMSE '
-           'variance 0.2, each relative to the worst of these trackers', True),
+    Figure('cei', 'CEI', 'composite index, smaller is better: median processor time 0.5, '
+           'RMSE 0.3, RMSE variance 0.2, each relative to the worst of these trackers', True),
 )
 
 
@@ -155,7 +155,7 @@ def with_index(rows: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, f
         Tracker -> its figures.
 
     """
-    criteria = {label: [row[key] for key in ('ms_median', 'rmse_mean', 'rmse_var')]
+    criteria = {label: [row[key] for key in ('cpu_ms_median', 'rmse_mean', 'rmse_var')]
                 for label, row in rows.items()}
     known = [label for label, values in criteria.items() if not any(map(math.isnan, values))]
     index = dict.fromkeys(rows, math.nan)
