@@ -276,3 +276,21 @@ def overlap(detections, box: Box) -> float:
     bounds = detections.detections[0].bbox
     center = bounds.center.position
     return Box.from_center(center.x, center.y, bounds.size_x, bounds.size_y).iou(box)
+
+
+def diagnosis(client, name, wanted):
+    """Wait for a wanted row of /diagnostics; return its level, message and values."""
+    heard = client.heard['/diagnostics']
+    found = []
+
+    def look():
+        for array in heard:
+            assert array.header.stamp.sec > 0 or array.header.stamp.nanosec > 0
+            for row in array.status:
+                values = {pair.key: pair.value for pair in row.values}
+                if row.name == name and wanted(row, values):
+                    found.append((row.level, row.message, values))
+        del heard[:]
+        return bool(found)
+    client.until(look, f'no such diagnosis of {name}')
+    return found[-1]

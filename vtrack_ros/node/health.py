@@ -6,6 +6,7 @@ from collections.abc import Callable
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from vtrack_ros.ros import diagnostics
@@ -41,7 +42,9 @@ class Health:
         self.flow = diagnostics.FrameFlow()
         self.input: ImageInput | None = None
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._timer = node.create_timer(1.0, self._on_timer)
+        # Simulated time may stand still, and just then somebody wants to know why.
+        self._timer = node.create_timer(
+            1.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def destroy(self) -> None:
         """Take everything down."""

@@ -16,6 +16,9 @@ _RELIABILITY = {
     'best_effort': ReliabilityPolicy.BEST_EFFORT,
 }
 
+# How the graph calls the node of a publisher that it has only just heard of.
+_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+
 
 def image_qos(reliability: ReliabilityPolicy) -> QoSProfile:
     """Return the profile for images: the newest frame alone, so that none waits behind another."""
@@ -51,7 +54,7 @@ class ImageInput:
         self._callback = callback
         self._policy = _RELIABILITY[reliability]
         self._subscription = self._subscribe()
-        self._faults: tuple[str, ...] = ()
+        self._faults: dict[bytes, str] = {}
         self._type = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
         self.lost = 0
 
@@ -68,7 +71,7 @@ class ImageInput:
     @property
     def faults(self) -> tuple[str, ...]:
         """Return why no image comes from which publisher; empty while all match."""
-        return self._faults
+        return tuple(self._faults.values())
 
     @property
     def publishers(self) -> int:
@@ -86,9 +89,10 @@ class ImageInput:
                 weakest = ReliabilityPolicy.BEST_EFFORT
             if weakest != self._policy:
                 self._change(weakest)
-        faults = tuple(fault for fault in map(self._fault, offers) if fault)
-        for fault in faults:
-            if fault not in self._faults:
+        faults = {bytes(offer.endpoint_gid): fault
+                  for offer in offers if (fault := self._fault(offer))}
+        for publisher, fault in faults.items():
+            if publisher not in self._faults:
                 self._node.get_logger().error(fault)
         self._faults = faults
 
@@ -97,7 +101,8 @@ class ImageInput:
         self._node.destroy_subscription(self._subscription)
 
     def _fault(self, offer: Any) -> str:
-        whose = f"{self.topic}: publisher of node '{offer.node_name}'"
+        known = offer.node_name != _UNKNOWN_NODE
+        whose = f'{self.topic}: a publisher' + (f' of node {offer.node_name!r}' if known else '')
         if offer.topic_type != self._type:
             return (f'{whose} sends {offer.topic_type}, not {self._type}: no image will come '
                     'from it; remap the topic, or set image_transport')

@@ -1,0 +1,88 @@
+"""Nodes of their own: mismatches, clocks, and several side by side."""
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage, Image
+
+SCENE = Scene()
+BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
+
+
+def test_image_publisher_that_cannot_match_is_said_within_a_second():
+    """With reliable asked for, a best-effort camera gives no image: said at once, both ways."""
+    with NodeProcess(reliability='reliable') as process, Client(publish=None) as client:
+        client.hear('/diagnostics', DiagnosticArray)
+        client.ready()
+        since = len(process.log)
+        camera = client.node.create_publisher(
+            Image, '/image', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+        process.wait_for_log('QoS mismatch', since)
+        log = process.log[since:]
+        assert '/image' in log and 'best_effort' in log
+        level, message, values = diagnosis(
+            client, '/tracker: images', lambda row, values: row.level == b'\x02')
+        assert 'QoS mismatch' in message and "of node 'client'" in message
+        assert values['reliability'] == 'reliable'
+        client.node.destroy_publisher(camera)
+        diagnosis(client, '/tracker: images',
+                  lambda row, values: row.message == 'nobody publishes /image')
+
+
+def test_wrong_type_on_the_image_topic_is_said():
+    """A publisher of CompressedImage on image is no silence."""
+    with NodeProcess() as process, Client(publish=CompressedImage) as client:
+        process.wait_for_log('sends sensor_msgs/msg/CompressedImage, not sensor_msgs/msg/Image')
+        assert client.images is not None
+
+
+def test_sim_time():
+    """With use_sim_time the diagnostics have the time of /clock, and the images their own."""
+    with NodeProcess(use_sim_time='true', init_box=BOX), Client() as client:
+        arrays = client.hear('/diagnostics', DiagnosticArray)
+        client.ready()
+        clock = client.publisher('/clock', Clock)
+        for index in range(5):
+            assert send_at(client, index).detections
+
+        def told():
+            clock.publish(Clock(clock=Time(sec=77)))
+            return arrays and arrays[-1].header.stamp.sec == 77
+        client.until(told, 'the clock is not used')
+        assert send_at(client, 5).detections
+
+
+def send_at(client, index):
+    """Send a frame in a stream of its own."""
+    return client.send(SCENE.frame(index), 10**9 + STEP * index)
+
+
+def test_four_trackers_in_four_namespaces():
+    """Side by side on one stream, each with its own target, and none with a stale answer."""
+    names = ['/a', '/b', '/c', '/d']
+    processes, clients = [], []
+    try:
+        for name in names:
+            processes.append(NodeProcess('-r', f'__ns:={name}', '-r', 'image:=/image',
+                                         init_box=BOX))
+        with Client(publish=None) as sender:
+            camera = sender.node.create_publisher(Image, '/image', 10)
+            for name in names:
+                client = Client(f'{name}/tracker', publish=None)
+                clients.append(client)
+                client.ready()
+            sender.until(lambda: camera.get_subscription_count() == 4, 'not all take images')
+            for index in range(10):
+                message = image_message(SCENE.frame(index), 10**9 + STEP * index)
+                camera.publish(message)
+                for client in clients:
+                    heard = client.heard['detections']
+                    client.until(lambda: heard and heard[-1].header == message.header, 'no answer')
+                    assert overlap(heard[-1], SCENE.box(index)) > 0.4
+    finally:
+        for client in clients:
+            client.__exit__()
+        for process in processes:
+            assert process.stop() == 0, process.log

@@ -1,0 +1,243 @@
+"""What the node says of itself: lost and found, diagnostics, mismatches, and work nobody wants."""
+
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+from node_harness import Client, diagnosis, NodeProcess, overlap, Scene, STEP
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import CameraInfo, Image
+from std_srvs.srv import Trigger
+
+SCENE = Scene()
+BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
+
+
+@pytest.fixture(scope='module')
+def process():
+    """Return the process of a node that starts on the scene's first box."""
+    with NodeProcess(init_box=BOX) as process:
+        yield process
+
+
+@pytest.fixture(scope='module')
+def client(process):
+    """Return a client that is listening to the diagnostics as well."""
+    with Client() as client:
+        client.hear('/diagnostics', DiagnosticArray)
+        client.ready()
+        client.start = 10**12
+        yield client
+
+
+@pytest.fixture(autouse=True)
+def _fresh(client):
+    """Begin a new stream: its stamps are before the last one's."""
+    client.start -= 10**10
+
+
+def send(client, index, visible=True):
+    """Send a frame of the scene."""
+    return client.send(SCENE.frame(index, visible), client.start + STEP * index)
+
+
+def test_diagnostics_tell_the_flow(client):
+    """Rate, latency, processing and counts of the images; the target's state beside them."""
+    for index in range(40):
+        assert send(client, index).detections
+    _, _, values = diagnosis(client, '/tracker: images',
+                             lambda row, values: int(values['frames received']) >= 40)
+    assert float(values['frame rate'].split()[0]) > 0
+    assert 0 < float(values['processing p50'].split()[0]) <= float(
+        values['processing p99'].split()[0])
+    assert 0 < float(values['latency p50'].split()[0]) < 10_000
+    assert values['frames malformed'] == '0' and values['QoS mismatches'] == 'none'
+    assert values['reliability'] == 'reliable'
+    level, message, values = diagnosis(client, '/tracker: target', lambda row, values: True)
+    assert message == 'tracking' and level == b'\x00' and values['tracker'] == 'gmpf'
+
+
+def test_missing_frames_are_noticed(client):
+    """The stamps tell that every other frame never came, and the report says what to do."""
+    for index in range(20):
+        send(client, index)
+    before = int(client.state_after(send(client, 20))['frames_missing'])
+    del client.heard['/diagnostics'][:]
+    for index in range(22, 62, 2):
+        answer = send(client, index)
+    assert int(client.state_after(answer)['frames_missing']) == before + 20
+    level, message, _ = diagnosis(client, '/tracker: images',
+                                  lambda row, values: 'missing' in row.message)
+    assert level == b'\x01' and ('fastdds.xml' in message or 'faster tracker' in message)
+
+
+def test_lost_and_found(client, process):
+    """
+    While the target is out of sight there is no box and no pose, and the state says so.
+
+    When it's back it's found again, and the log has told of both.
+    """
+    for index in range(15):
+        assert overlap(send(client, index), SCENE.box(index)) > 0.4
+    since = len(process.log)
+    poses = client.heard['pose']
+    hidden = [send(client, index, visible=False) for index in range(15, 75)]
+    client.until(lambda: client.heard['~/state'][-1].message in ('searching', 'lost'), 'not lost')
+    silent = [not answer.detections for answer in hidden]
+    assert all(silent[20:])
+    stamps = {(pose.header.stamp.sec, pose.header.stamp.nanosec) for pose in poses}
+    for answer, quiet in zip(hidden, silent):
+        stamp = answer.header.stamp
+        assert ((stamp.sec, stamp.nanosec) in stamps) != quiet
+    state = client.state_after(hidden[-1])
+    assert state['state'] in ('searching', 'lost') and state['box'] == 'predicted'
+    assert state['level'] in (b'\x01', b'\x02')
+    # Where it went, not where it was: the search has to find it.
+    back = [client.send(SCENE.frame(14), client.start + STEP * index) for index in range(75, 105)]
+    assert overlap(back[-1], SCENE.box(14)) > 0.4
+    log = process.log[since:]
+    assert 'searching, after tracking' in log and 'tracking, after' in log
+
+
+def test_lazy_pictures_and_particles(client):
+    """Particles and picture come when somebody listens, with the image's header."""
+    assert send(client, 0).detections
+    picture = client.hear('~/debug_image', Image)
+    particles = client.hear('~/particles', PoseArray)
+    client.until(lambda: client.node.count_publishers('/tracker/debug_image'), 'no picture')
+    index = 0
+
+    def more():
+        nonlocal index
+        index += 1
+        client.answer = send(client, index)
+        return picture and particles
+    client.until(more, 'neither picture nor particles')
+    assert (picture[-1].width, picture[-1].height) == (SCENE.width, SCENE.height)
+    assert picture[-1].encoding == 'bgr8' and picture[-1].header.frame_id == 'camera_optical'
+    sent = SCENE.frame(index)
+    drawn = np.frombuffer(picture[-1].data, np.uint8).reshape(sent.shape)
+    changed = (drawn != sent).any(axis=2).mean()
+    assert 0.005 < changed < 0.5
+    assert len(particles[-1].poses) == 150
+    client.node.destroy_subscription(getattr(client, '_~/debug_image'))
+    client.node.destroy_subscription(getattr(client, '_~/particles'))
+    del client.heard['~/debug_image'], client.heard['~/particles']
+
+
+def test_camera_info_makes_rays_and_metres(client):
+    """With a calibration the pose is a ray; with the target's width it's in metres."""
+    poses = client.hear('pose_with_covariance', PoseWithCovarianceStamped)
+    client.until(lambda: client.node.count_publishers('/pose_with_covariance'), 'no poses')
+    publisher = client.publisher('camera_info', CameraInfo)
+    message = CameraInfo(width=SCENE.width, height=SCENE.height, distortion_model='plumb_bob')
+    message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
+    send(client, 0)
+    publisher.publish(message)
+    index = 0
+
+    def units(wanted):
+        nonlocal index
+        index += 1
+        client.answer = send(client, index)
+        return client.state_after(client.answer)['pose_units'] == wanted
+    client.until(lambda: units('ray'), 'no ray')
+    bounds = client.answer.detections[0].bbox
+    x, y = bounds.center.position.x, bounds.center.position.y
+    client.until(lambda: client.heard['pose'][-1].header == client.answer.header, 'no pose')
+    place = client.heard['pose'][-1].pose.position
+    assert (place.x, place.y, place.z) == pytest.approx(((x - 80) / 200, (y - 60) / 200, 1.0))
+
+    assert client.change(target_width=0.6)[0].successful
+    assert units('metres')
+    bounds = client.answer.detections[0].bbox
+    depth = 200 * 0.6 / bounds.size_x
+    client.until(lambda: poses and poses[-1].header == client.answer.header, 'no pose')
+    place = poses[-1].pose.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx((
+        depth * (bounds.center.position.x - 80) / 200,
+        depth * (bounds.center.position.y - 60) / 200, depth))
+    covariance = np.array(poses[-1].pose.covariance).reshape(6, 6)
+    assert np.array_equal(covariance, covariance.T) or np.allclose(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance[:3, :3]).min() > -1e-12 and covariance[2, 2] > 0
+
+    assert client.change(pose_units='pixels')[0].successful
+    assert units('pixels')
+    # What can't be had isn't replaced by something else.
+    assert client.change(pose_units='metres', target_width=0.0)[-1].successful
+    heard = len(client.heard['pose'])
+    assert units('')
+    assert len(client.heard['pose']) == heard
+    for result in client.change(pose_units='auto'):
+        assert result.successful
+    publisher.publish(CameraInfo())
+    client.until(lambda: units('pixels'), 'still calibrated')
+
+
+def test_transform_without_tf2_msgs_is_said(client, process):
+    """Where tf2_msgs is missing the node says what to install, and goes on."""
+    try:
+        import tf2_msgs  # noqa: F401
+        pytest.skip('tf2_msgs is installed')
+    except ImportError:
+        pass
+    publisher = client.publisher('camera_info', CameraInfo)
+    message = CameraInfo(width=SCENE.width, height=SCENE.height)
+    message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
+    since = len(process.log)
+    assert client.change(target_width=0.6, target_frame='ball')[-1].successful
+    publisher.publish(message)
+    for index in range(100):
+        assert send(client, index).detections
+        if 'tf2_msgs' in process.log[since:]:
+            break
+    assert 'ros-jazzy-tf2-msgs' in process.log[since:]
+    assert client.change(target_width=0.0, target_frame='')[-1].successful
+    publisher.publish(CameraInfo())
+
+
+def test_subscriber_that_cannot_match_is_told(client, process):
+    """Who asks for what isn't offered is named in the log and in the diagnostics."""
+    since = len(process.log)
+    qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    from geometry_msgs.msg import PoseStamped
+    subscription = client.node.create_subscription(PoseStamped, '/pose', lambda _: None, qos)
+    process.wait_for_log('QoS mismatch', since)
+    assert '/pose' in process.log[since:] and 'DURABILITY' in process.log[since:].upper()
+    diagnosis(client, '/tracker: images', lambda row, values: 'DURABILITY' in
+              values['QoS mismatches'].upper() and row.level == b'\x02')
+    client.node.destroy_subscription(subscription)
+
+
+def test_reset_is_in_the_state(client):
+    """After a reset the state is waiting, and that's no error."""
+    assert send(client, 0).detections
+    assert client.ask('~/reset', Trigger).success
+    state = client.state_after(send(client, 1))
+    assert state['state'] == 'waiting' and state['level'] == b'\x00'
+    assert 'box' not in state
+
+
+def test_nothing_is_said_twice_in_a_moment():
+    """The log passes a line on once a moment, and not more than so many different ones."""
+    from vtrack_ros.node.quiet_log import MOST, PERIOD, QuietLog
+
+    class Lines(list):
+
+        def error(self, text):
+            self.append(text)
+
+    now = time.monotonic()
+    lines = Lines()
+    log = QuietLog(lines, lambda: now)
+    for _ in range(5):
+        log.error('broken')
+    assert lines == ['broken']
+    now += PERIOD
+    log.error('broken')
+    assert lines == ['broken'] * 2
+    for index in range(100):
+        log.error(f'broken {index}')
+    assert len(lines) == 1 + MOST
