@@ -1,11 +1,22 @@
 """Small sequences for the tests of the evaluation: a textured square that moves over noise."""
 
+import os
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from vtrack_ros.evaluation import FolderSequence
+
 SIZE = 24
+
+
+class DeadlySequence(FolderSequence):
+    """A sequence whose decoder takes the whole process with it."""
+
+    def frames(self):
+        """End the process as a crash in compiled code would."""
+        os._exit(1)
 
 
 def truth_of(index: int) -> tuple[int, int, int, int]:

@@ -2,13 +2,15 @@
 
 import json
 import math
+import subprocess
+import sys
 
-from evaluation_material import picture, truth_of, write_sequence, write_truth
+from evaluation_material import DeadlySequence, picture, truth_of, write_sequence, write_truth
 import numpy as np
 import pytest
 
 from vtrack_ros.cli.main import main
-from vtrack_ros.evaluation import evaluate, parse_variant, parse_variants
+from vtrack_ros.evaluation import evaluate, find_sequences, parse_variant, parse_variants
 from vtrack_ros.evaluation.cache import RunCache
 from vtrack_ros.evaluation.document import document
 from vtrack_ros.evaluation.peers import peer_names
@@ -76,6 +78,25 @@ def test_processes_change_nothing(folder):
     assert list(here.by_sequence) == ['First', 'Second']
     for tracker in trackers:
         assert list(here.runs('First', tracker)) == [0, 1]
+
+
+def test_script_from_standard_input(folder):
+    """A script without a file may use processes too."""
+    script = ('from vtrack_ros.evaluation import evaluate\n'
+              f'results = evaluate(["pf"], {str(folder)!r}, jobs=1)\n'
+              'print(len(results.by_sequence), results.problems)\n')
+    ended = subprocess.run([sys.executable, '-'], input=script, capture_output=True, text=True)
+    assert ended.stdout.split() == ['2', '[]'], ended.stderr
+
+
+def test_death_of_a_process_is_reported(folder):
+    """When a process dies, its runs are problems, and the evaluation comes to its end."""
+    [first, _] = find_sequences(folder)[0]
+    deadly = DeadlySequence('Deadly', first.truth, first.images)
+    results = evaluate(['pf'], [deadly], jobs=1)
+    assert [problem.sequence for problem in results.problems] == ['Deadly']
+    assert 'died' in results.problems[0].text
+    assert results.summary == {}
 
 
 def test_seeds_differ_and_their_spread_is_reported(folder):

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 import multiprocessing
 import os
 from pathlib import Path
+import sys
 
 import cv2
 
@@ -27,6 +29,7 @@ Progress = Callable[[int, int], None]
 
 #: Decoded frames of up to this many bytes are kept for the next tracker on the same video.
 _KEPT_BYTES = 1 << 30
+_DIED = 'a process that ran trackers died; this run was under way or waiting'
 
 
 @dataclass(frozen=True)
@@ -162,16 +165,20 @@ def _outcomes(tasks: Ordered[Task], jobs: int) -> Iterator[tuple[Task, list[Run]
     # so that it's decoded once.
     ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
     spawn = multiprocessing.get_context('spawn')
-    with environment_variables(ONE_THREAD), ProcessPoolExecutor(
+    with environment_variables(ONE_THREAD), _importable_main(), ProcessPoolExecutor(
             min(jobs, max(1, len(tasks))), mp_context=spawn, initializer=_one_thread) as pool:
-        futures: dict[Future[list[Run] | str], Task] = {
-            pool.submit(run_task, task): task for task in ordered}
+        futures: dict[Future[list[Run] | str], Task] = {}
         try:
+            for task in ordered:
+                try:
+                    futures[pool.submit(run_task, task)] = task
+                except BrokenProcessPool:
+                    yield task, _DIED
             for future in as_completed(futures):
                 try:
                     yield futures[future], future.result()
                 except BrokenProcessPool:
-                    yield futures[future], 'the process that ran it died'
+                    yield futures[future], _DIED
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
@@ -215,3 +222,18 @@ def _frames(sequence: Sequence) -> Iterable[Frame]:
 
 def _one_thread() -> None:
     cv2.setNumThreads(1)
+
+
+@contextmanager
+def _importable_main() -> Iterator[None]:
+    """Hide a script that came through standard input: new processes look in vain for its file."""
+    main = sys.modules['__main__']
+    path = getattr(main, '__file__', None)
+    if path is None or Path(path).is_file():
+        yield
+        return
+    del main.__file__
+    try:
+        yield
+    finally:
+        main.__file__ = path
