@@ -6,6 +6,7 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.trackers.mean_shift_colour import ColourMeanShift
 from vtrack_ros.trackers.mean_shift_evidence import EvidenceMeanShift
 from vtrack_ros.trackers.mean_shift_fusion import Settings
 
@@ -16,6 +17,8 @@ _SHARED = ParameterTable([
     Parameter('rejected', 0.5, 'Likeness r below which the target counts as hidden.', 0.0, 1.0),
     Parameter('growth', 0.1, 'Largest relative change of an axis in one frame (paper preset).',
               0.0, 0.5),
+    Parameter('levels', '16', 'Levels of each colour channel; in force from the next target on '
+              '(paper preset).', choices=('8', '16')),
     Parameter('background', True, 'Whether colours count less that the first surroundings share '
               '(paper preset).'),
     Parameter('learning', 0.0, 'How fast the colours follow a target that is seen well '
@@ -45,12 +48,13 @@ class AdaptiveBandwidthMeanShift(Tracker):
             accepted=float(values.get('accepted', 0.8)),
             rejected=float(values['rejected']), region=float(values.get('region', 0.0)),
             inertia=float(values.get('inertia', 0.0)), growth=float(values['growth']),
-            background=bool(values['background']), learning=float(values['learning']))
+            levels=int(str(values['levels'])), background=bool(values['background']), learning=float(values['learning']))
         if self._frame_shape is not None:
             self._engine.settings = self._settings
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._engine = EvidenceMeanShift(self._rng, self._settings)
+        kind = ColourMeanShift if self._parameters['preset'] == 'paper' else EvidenceMeanShift
+        self._engine: ColourMeanShift | EvidenceMeanShift = kind(self._rng, self._settings)
         return self._engine.start(frame, box)
 
     def _update(self, frame: Frame, dt: float) -> Estimate:

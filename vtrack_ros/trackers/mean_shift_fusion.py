@@ -27,6 +27,8 @@ class Settings:
         Share of the last step that the motion model expects again.
     growth : float
         Largest relative change of an axis in one frame.
+    levels : int
+        Levels of a colour channel.
     background : bool
         Whether colours count less that the first surroundings share.
     learning : float
@@ -40,6 +42,7 @@ class Settings:
     region: float
     inertia: float
     growth: float
+    levels: int
     background: bool
     learning: float
 

@@ -1,0 +1,266 @@
+"""Colour histograms on ellipses: likeness, mean shift, and the bandwidth matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry.ellipse import SIGMA, square_root
+
+Array = NDArray[np.float64]
+Bins = NDArray[np.intp]
+
+#: Sample points along the ellipse's diameter, whatever its size in pixels.
+_GRID = 24
+#: The bandwidth is measured on an ellipse that is so much larger, or growth couldn't be seen.
+_REACH = 1.4
+#: The surroundings lie between these multiples of the ellipse.
+_NEAR, _FAR = 1.3, 2.2
+#: Bins of a grey frame's intensity.
+_GREY_LEVELS = 32
+#: Density below which a colour's weight sqrt(q / p) doesn't rise any more.
+_FLOOR = 1e-3
+
+
+def _disc(grid: int, radius: float) -> Array:
+    """Return the points of a grid within a radius, from the centre outwards: shape (M, 2)."""
+    half = int(np.ceil(grid * radius / 2))
+    axis = (np.arange(-half, half) + 0.5) * 2 / grid
+    points = np.stack([plane.ravel() for plane in np.meshgrid(axis, axis)], 1)
+    distance = np.hypot(points[:, 0], points[:, 1])
+    points = points[np.argsort(distance, kind='stable')]
+    result: Array = points[:np.count_nonzero(distance <= radius)]
+    return result
+
+
+_REGION = _disc(_GRID, _REACH)
+_INSIDE = int(np.count_nonzero(np.hypot(_REGION[:, 0], _REGION[:, 1]) <= 1))
+_ELLIPSE = _REGION[:_INSIDE]
+_KERNEL = np.exp(-0.5 * SIGMA**2 * (_ELLIPSE**2).sum(1))
+_KERNEL /= _KERNEL.sum()
+_SURROUNDINGS = _disc(_GRID // 2, _FAR)
+_SURROUNDINGS = _SURROUNDINGS[np.hypot(_SURROUNDINGS[:, 0], _SURROUNDINGS[:, 1]) > _NEAR]
+#: Mean of u u^T over the points of the unit disc: sigma^2 / 4 of [Yin2013, eq. 11] in these units.
+_UNIFORM = np.eye(2) * float((_ELLIPSE**2).mean())
+
+
+@dataclass(frozen=True)
+class EllipseColours:
+    """
+    The colours of a target that an ellipse surrounds.
+
+    An ellipse is a centre and a frame: the matrix B, shape (2, 2) in pixels, that maps the unit
+    disc onto the ellipse, so that the bandwidth matrix is `B B^T / sigma^2` [Yin2013, eq. 8]. It
+    is sampled on a fixed grid of the disc, so that the cost doesn't depend on its size, and the
+    Gaussian kernel's values are constants. What's outside the image has no colour.
+
+    Colours that the first surroundings share count less, by their likelihood ratio
+    `q / (q + background)`, in target and candidates alike, in the manner of the
+    background-weighted histogram of Comaniciu et al. (2003). The paper has no such weights.
+
+    Parameters
+    ----------
+    histogram, background : ndarray, shape (colours,)
+        Kernel density of the colours [Yin2013, eq. 1], and their frequency about the target.
+    weighted : bool
+        Whether the background counts.
+    bins : ndarray, shape (colours,)
+        From a colour to its bin in `density`; the last bin takes all that isn't the target's.
+    density : ndarray, shape (n + 1,)
+        The weighted density `q` of the target's own colours; 0 in the last bin.
+    share : ndarray, shape (n + 1,)
+        What a candidate's density is multiplied with.
+    moment : ndarray, shape (2, 2)
+        Inverse root of the second moment of the target's weights, in units of its frame.
+
+    """
+
+    histogram: Array
+    background: Array
+    weighted: bool
+    bins: Bins
+    density: Array
+    share: Array
+    moment: Array
+
+    @classmethod
+    def create(cls, frame: Frame, center: Array, matrix: Array, levels: int = 16,
+               weighted: bool = True) -> EllipseColours:
+        """
+        Learn the colours of a target.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        center : ndarray, shape (2,), [px]
+        matrix : ndarray, shape (2, 2), [px]
+            The ellipse's frame.
+        levels : int
+            Of each channel; a power of 2. A grey frame has 32 levels.
+        weighted : bool
+
+        """
+        count = levels**3 if frame.ndim == 3 else _GREY_LEVELS
+        inside = _colours(frame, center + _ELLIPSE @ matrix.T, levels)
+        histogram = np.bincount(inside, _KERNEL, count + 1)[:count]
+        around = _colours(frame, center + _SURROUNDINGS @ matrix.T, levels)
+        background = np.bincount(around, None, count + 1)[:count].astype(np.float64)
+        background /= max(background.sum(), 1.0)
+        empty = np.zeros(0)
+        model = cls(histogram, background, weighted, empty.astype(np.intp), empty, empty,
+                    np.eye(2))._indexed()
+        return replace(model, moment=np.linalg.inv(square_root(model._moment(
+            frame, center, matrix))))
+
+    def learned(self, frame: Frame, center: Array, matrix: Array, rate: float) -> EllipseColours:
+        """Return the model after an example of that weight."""
+        count = len(self.histogram)
+        inside = _colours(frame, center + _ELLIPSE @ matrix.T, self._levels)
+        seen = np.bincount(inside, _KERNEL, count + 1)[:count]
+        return replace(self, histogram=self.histogram + rate * (seen - self.histogram))._indexed()
+
+    def coefficients(self, frame: Frame, centers: Array, matrix: Array) -> Array:
+        """
+        Return the Bhattacharyya coefficients of candidates with the target [Yin2013, eq. 5].
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+        centers : ndarray, shape (N, 2), [px]
+        matrix : ndarray, shape (2, 2), [px]
+            All candidates' frame.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            In [0, 1].
+
+        """
+        points = centers[:, None, :] + _ELLIPSE @ matrix.T
+        found = self._found(frame, points)
+        count, size = len(centers), len(self.density)
+        found += size * np.arange(count)[:, None]
+        density = np.bincount(
+            found.ravel(), np.broadcast_to(_KERNEL, found.shape).ravel(), count * size)
+        density = density.reshape(count, size) * self.share
+        # background colours have no share, but more than the target's own doesn't help
+        total = np.maximum(density.sum(1), 1.0)
+        result: Array = np.minimum(np.sqrt(density) @ np.sqrt(self.density) / np.sqrt(total), 1.0)
+        return result
+
+    def climb(self, frame: Frame, center: Array, matrix: Array, steps: int = 10) -> Array:
+        """
+        Return the nearest maximum of likeness, found by mean shift [Yin2013, eqs 2-3].
+
+        The mean of the sample points, weighted with kernel and `sqrt(q / p)`; as printed the
+        denominator lacks the weights and has a factor `s` too many.
+        """
+        shape = _ELLIPSE @ matrix.T
+        for _ in range(steps):
+            found = self._found(frame, center + shape)
+            weights = self._weights(found)[found] * _KERNEL
+            total = weights.sum()
+            if total <= 1e-9:
+                break
+            step = weights @ shape / total
+            center = center + step
+            if np.abs(step).max() < 0.25:
+                break
+        return center
+
+    def growth(self, frame: Frame, center: Array, matrix: Array) -> Array:
+        """
+        Return by which matrix A the target changed its form: its frame is `B A` now.
+
+        The second moment of the weights [Yin2013, eq. 11], here over an ellipse 1.4 times as
+        large, relative to what it was when the target was learned. For a target of colours that
+        the background lacks, this is the printed moment times `4 / sigma^2`: without the factor
+        an unchanged target would grow by 1.56 each time.
+
+        Returns
+        -------
+        ndarray, shape (2, 2)
+            Symmetric; the identity where nothing changed.
+
+        """
+        moment = self._moment(frame, center, matrix)
+        return square_root(self.moment @ moment @ self.moment)
+
+    def likelihood(self, pixels: Frame) -> Array:
+        """Return how much each pixel's colour speaks for the target, in [0, 1]."""
+        rows, columns = pixels.shape[:2]
+        colours = _quantised(pixels.reshape(rows * columns, -1), self._levels)
+        ratio = self.histogram / (self.histogram + self.background + _FLOOR)
+        result: Array = ratio.take(colours).reshape(rows, columns)
+        return result
+
+    @property
+    def _levels(self) -> int:
+        return round(len(self.histogram) ** (1 / 3))
+
+    def _indexed(self) -> EllipseColours:
+        """Derive what the candidates are compared with."""
+        own = self.histogram > 1e-4
+        if not own.any():
+            own = self.histogram >= self.histogram.max()
+        bins = np.full(len(own) + 1, np.count_nonzero(own), np.intp)
+        bins[:-1][own] = np.arange(np.count_nonzero(own))
+        density = self.histogram[own]
+        share = np.ones(len(density))
+        if self.weighted:
+            share = density / np.maximum(density + self.background[own], 1e-9)
+        total = max(float(density @ share), 1e-9)
+        return replace(self, bins=bins, density=np.append(density * share / total, 0.0),
+                       share=np.append(share / total, 0.0))
+
+    def _weights(self, found: Bins) -> Array:
+        """Return each bin's weight sqrt(q / p) for a candidate [Yin2013, eq. 3]."""
+        density = np.bincount(found, _KERNEL, len(self.density)) * self.share
+        ratio = np.sqrt(self.density / np.maximum(density, _FLOOR))
+        # the background's colours pull as little as they count
+        result: Array = ratio * self.share / max(float(self.share.max()), 1e-9)
+        return result
+
+    def _moment(self, frame: Frame, center: Array, matrix: Array) -> Array:
+        found = self._found(frame, center + _REGION @ matrix.T)
+        weights = self._weights(found[:_INSIDE])[found]
+        total = weights.sum()
+        if total <= 1e-9:
+            return _UNIFORM.copy()
+        result: Array = (_REGION * weights[:, None]).T @ _REGION / total
+        # a line or a point of samples has no inverse
+        return result + 1e-4 * np.eye(2)
+
+    def _found(self, frame: Frame, points: Array) -> Bins:
+        result: Bins = self.bins.take(_colours(frame, points, self._levels))
+        return result
+
+
+def _colours(frame: Frame, points: Array, levels: int) -> Bins:
+    """Return the colours at points, shape (..., 2); outside the frame, one more than there are."""
+    height, width = frame.shape[:2]
+    place = np.floor(points).astype(np.intp)
+    x, y = place[..., 0], place[..., 1]
+    outside = (x < 0) | (y < 0) | (x >= width) | (y >= height)
+    beyond = outside.any()
+    index = y * width + x
+    if beyond:
+        index[outside] = 0
+    pixels = frame.reshape(height * width, -1).take(index.ravel(), axis=0)
+    colours = _quantised(pixels, levels).reshape(index.shape)
+    if beyond:
+        colours[outside] = levels**3 if frame.ndim == 3 else _GREY_LEVELS
+    return colours
+
+
+def _quantised(pixels: NDArray[np.uint8], levels: int) -> Bins:
+    """Return the colours of pixels of shape (n, channels)."""
+    if pixels.shape[1] == 1:
+        grey: Bins = (pixels[:, 0] >> 3).astype(np.intp)
+        return grey
+    level = (pixels // np.uint8(256 // levels)).astype(np.intp)
+    result: Bins = (level[:, 0] * levels + level[:, 1]) * levels + level[:, 2]
+    return result
