@@ -32,7 +32,8 @@ class SceneInfo:
     frames : int
         How long its story is.
     make : callable
-        (view, generator) -> Scene.
+        (view, generator) -> Scene. What takes as many random numbers as there are pixels gets a
+        generator of its own, so that motions are the same at every size.
 
     """
 

@@ -29,7 +29,7 @@ def person(head: Head, x: Motion, y: Motion, size: Motion, yaw: Motion, pitch: M
 
 def face_fast(view: View, rng: np.random.Generator) -> Scene:
     """Return a face that darts to the right and quickly back, twice."""
-    backdrop = office(view, rng)
+    backdrop = office(view, rng.spawn(1)[0])
     head = Head(15 * view.unit, rng)
     sway_x, sway_y = unrest(rng, 0.5, 11), unrest(rng, 0.9, 14)
     dash = keyframes((0, 31), (7, 30), (17, 98), (22, 99), (31, 30), (35, 29), (45, 99), (50, 98))
@@ -44,7 +44,7 @@ def face_fast(view: View, rng: np.random.Generator) -> Scene:
 
 def pose_change(view: View, rng: np.random.Generator) -> Scene:
     """Return a face that turns far to the side, and up, in frames 53 to 62, and back later."""
-    backdrop = office(view, rng, size=2.0)
+    backdrop = office(view, rng.spawn(1)[0], size=2.0)
     head = Head(31 * view.unit, rng, hair=(28, 34, 44), shirt=(70, 90, 60), stripe=(80, 104, 74))
     sway_x, sway_y = unrest(rng, 2.5, 30), unrest(rng, 1.6, 26)
     x = keyframes((0, 92), (40, 118), (53, 128), (62, 152), (85, 168), (110, 130), (130, 120))
@@ -62,7 +62,7 @@ def pose_change(view: View, rng: np.random.Generator) -> Scene:
 
 def light_change(view: View, rng: np.random.Generator) -> Scene:
     """Return a face under lights that go out, change colour, come from one side, and flicker."""
-    backdrop = office(view, rng, size=2.5)
+    backdrop = office(view, rng.spawn(1)[0], size=2.5)
     head = Head(32 * view.unit, rng, hair=(40, 70, 104), shirt=(60, 50, 120),
                 stripe=(140, 150, 160))
     sway_x, sway_y = unrest(rng, 3.0, 26), unrest(rng, 2.4, 22)

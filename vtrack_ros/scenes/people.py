@@ -12,7 +12,7 @@ from vtrack_ros.scenes.ground import Ground, walker
 from vtrack_ros.scenes.motion import keyframes, unrest
 from vtrack_ros.scenes.sprite import Placement, Sprite
 from vtrack_ros.scenes.stage import Actor, Camera, Light, Scene, View
-from vtrack_ros.scenes.texture import foliage, masonry
+from vtrack_ros.scenes.texture import masonry
 
 
 def handheld(rng: np.random.Generator, amount: float) -> Camera:
@@ -43,25 +43,10 @@ def kiosk(view: View, width: float, height: float, rng: np.random.Generator) -> 
     return block(width, height, view.unit, canvas)
 
 
-def bush(view: View, width: float, height: float, rng: np.random.Generator) -> Sprite:
-    """Return a bush with a ragged outline, which stands on its origin."""
-    unit = view.unit
-    canvas = Canvas(0, 0, width, height, unit)
-    canvas.fill(foliage(canvas.height, canvas.width, unit, rng, (36, 84, 60), 3.0))
-    mask = Canvas(0, 0, width, height, unit, (0, 0, 0))
-    for _ in range(26):
-        x, y = rng.uniform(0.18, 0.82) * width, rng.uniform(0.25, 0.9) * height
-        size = rng.uniform(0.2, 0.34) * min(width, height)
-        mask.ellipse(x, y, 1.3 * size, size, (1, 1, 1), angle=float(rng.uniform(0, 180)))
-    alpha = np.clip(mask.picture[..., :1], 0, 1)
-    return Sprite(np.concatenate([canvas.picture * alpha, alpha], axis=2), unit, -width / 2,
-                  -height)
-
-
 def full_occlusion(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who disappears behind a kiosk and comes out on its other side."""
     ground = Ground(70, 0.0062, 160)
-    backdrop = outdoor.park(view, ground, rng)
+    backdrop = outdoor.park(view, ground, rng.spawn(1)[0])
     target = Person(view.unit, rng, Outfit(shirt=(50, 50, 165), trousers=(95, 70, 55)))
     other = Person(view.unit, rng, Outfit(shirt=(150, 140, 70), trousers=(60, 66, 76)))
     wobble = unrest(rng, 1.2, 30)
@@ -69,7 +54,7 @@ def full_occlusion(view: View, rng: np.random.Generator) -> Scene:
     shade, walk = walker(target, ground, x, lambda time: 176 + wobble(time), 140)
     back = keyframes((0, 270), (140, 40))
     other_shade, passer = walker(other, ground, back, lambda time: 140, 140, phase=0.3)
-    booth = kiosk(view, 62, 104, rng)
+    booth = kiosk(view, 62, 104, rng.spawn(1)[0])
     return Scene(view, backdrop, (
         other_shade, passer, shade, walk,
         Actor(lambda time: Placement(160, 196), lambda time: booth)), 3, handheld(rng, 0.8))
@@ -78,7 +63,7 @@ def full_occlusion(view: View, rng: np.random.Generator) -> Scene:
 def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who stops and goes on, and is then covered by somebody dressed alike."""
     ground = Ground(90, 0.0064, 192)
-    backdrop = outdoor.arcade(view, ground, rng)
+    backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
     target = Person(view.unit * 1.2, rng, Outfit(shirt=(58, 58, 150), trousers=(88, 76, 66)))
     alike = Person(view.unit * 1.3, rng, Outfit(
         shirt=(62, 60, 156), trousers=(80, 72, 66), hair=(30, 34, 44)))
@@ -99,7 +84,7 @@ def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
 def football(view: View, rng: np.random.Generator) -> Scene:
     """Return a player among players: covered at frames 58 to 76, in shade from frame 85 on."""
     ground = Ground(20, 0.005, 200)
-    backdrop = outdoor.pitch(view, ground, rng)
+    backdrop = outdoor.pitch(view, ground, rng.spawn(1)[0])
     blue = Outfit(shirt=(170, 70, 40), stripe=(215, 215, 215), trousers=(205, 205, 205),
                   shorts=True, socks=(190, 185, 180), sleeves=False)
     red = Outfit(shirt=(50, 45, 175), trousers=(40, 40, 45), shorts=True, socks=(50, 45, 150),
@@ -150,7 +135,7 @@ def football(view: View, rng: np.random.Generator) -> Scene:
 def distractor_cross(view: View, rng: np.random.Generator) -> Scene:
     """Return two people dressed alike who pass each other twice, in front and behind."""
     ground = Ground(70, 0.0066, 160)
-    backdrop = outdoor.park(view, ground, rng)
+    backdrop = outdoor.park(view, ground, rng.spawn(1)[0])
     outfit = Outfit(shirt=(150, 90, 50), stripe=(190, 190, 180), trousers=(60, 64, 72),
                     upright=False)
     target, double = (Person(view.unit * 1.1, rng, outfit) for _ in range(2))
@@ -174,7 +159,7 @@ def distractor_cross(view: View, rng: np.random.Generator) -> Scene:
 def leave_and_return(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who leaves the image to the right and comes back there 30 frames later."""
     ground = Ground(75, 0.0068, 160)
-    backdrop = outdoor.arcade(view, ground, rng)
+    backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
     target = Person(view.unit * 1.2, rng, Outfit(
         shirt=(60, 140, 190), stripe=(50, 60, 70), trousers=(110, 76, 50), upright=False))
     one = Person(view.unit, rng, Outfit(shirt=(70, 80, 140), trousers=(60, 60, 66)))
@@ -193,7 +178,7 @@ def leave_and_return(view: View, rng: np.random.Generator) -> Scene:
 def scale_change(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who comes towards the camera, turns round, and goes away again."""
     ground = Ground(70, 0.0068, 160)
-    backdrop = outdoor.park(view, ground, rng)
+    backdrop = outdoor.park(view, ground, rng.spawn(1)[0])
     target = Person(view.unit * 1.5, rng, Outfit(
         shirt=(150, 150, 60), stripe=(90, 60, 40), trousers=(64, 74, 96), upright=False))
     other = Person(view.unit, rng, Outfit(shirt=(130, 130, 70), trousers=(64, 70, 80)))
@@ -207,7 +192,7 @@ def scale_change(view: View, rng: np.random.Generator) -> Scene:
 def low_light_noise(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker at night, between the light of lamps, in a camera that hardly sees."""
     ground = Ground(75, 0.0068, 160)
-    backdrop = outdoor.arcade(view, ground, rng)
+    backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
     target = Person(view.unit * 1.2, rng, Outfit(shirt=(70, 120, 150), trousers=(90, 80, 70)))
     other = Person(view.unit * 1.2, rng, Outfit(shirt=(110, 100, 90), trousers=(60, 60, 64)))
     sway = unrest(rng, 1.5, 30)

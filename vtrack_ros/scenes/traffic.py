@@ -46,7 +46,7 @@ def _post(unit: float, height: float) -> Sprite:
 def car_approach(view: View, rng: np.random.Generator) -> Scene:
     """Return a car that comes near and grows fourfold, behind a lamp post, among its likes."""
     ground = Ground(84, 0.0125, 140)
-    backdrop = landscape.road(view, ground, rng)
+    backdrop = landscape.road(view, ground, rng.spawn(1)[0])
     near = 2.1 * _METRE * view.unit
     target = Car(near, rng, (150, 122, 104))
     alike = [Car(near / 2, rng, colour) for colour in (
@@ -86,7 +86,7 @@ def _chimney(view: View, width: float, height: float, rng: np.random.Generator) 
 
 def helicopter(view: View, rng: np.random.Generator) -> Scene:
     """Return a helicopter over a town: near and far, from all sides, covered at frame 281."""
-    backdrop = landscape.valley(view, rng, 620)
+    backdrop = landscape.valley(view, rng.spawn(1)[0], 620)
     machine = Helicopter(26 * view.unit, rng)
     drift_x, drift_y = unrest(rng, 4, 70), unrest(rng, 3, 50)
     x = keyframes((0, 130), (60, 160), (200, 300), (268, 372), (296, 520), (330, 556), (430, 660),
@@ -108,7 +108,7 @@ def helicopter(view: View, rng: np.random.Generator) -> Scene:
     rotor = Actor(lambda time: Placement(x(time) + drift_x(time), y(time) + drift_y(time),
                                          size(time), roll(time)),
                   lambda time: machine.rotor(time, pitch(time)))
-    stack = _chimney(view, 26, 190, rng)
+    stack = _chimney(view, 26, 190, rng.spawn(1)[0])
     middle = place(281.5).x
     # Whoever films follows late, and not steadily.
     late_x = keyframes(*((float(t), x(max(0, t - 7)) - 160) for t in range(0, 790, 12)))

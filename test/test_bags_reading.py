@@ -1,0 +1,386 @@
+"""Bags of every kind, whole and broken."""
+
+import csv
+import math
+from pathlib import Path
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+from rosbags.rosbag1 import Writer as Ros1Writer  # noqa: E402
+from rosbags.rosbag2 import Reader as Ros2Reader  # noqa: E402
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
+
+from vtrack_ros.bags import BagError, BagReader, BagWriter, messages  # noqa: E402
+from vtrack_ros.geometry import Box  # noqa: E402
+from vtrack_ros.ros.images import stamp_nanoseconds, to_frame  # noqa: E402
+
+COUNT = 12
+STEP = 40_000_000
+FIRST = 5_000_000_123
+SUFFIX = {'mcap': '.mcap', 'sqlite3': '.db3'}
+
+
+def frames():
+    """Return noise that compresses badly, so that bytes in the middle of a file matter."""
+    rng = np.random.default_rng(1)
+    return [rng.integers(0, 256, (36, 48, 3)).astype(np.uint8) for _ in range(COUNT)]
+
+
+def box(index):
+    """Return the true box of a frame; every fourth has none."""
+    return None if index % 4 == 3 else Box(index + 0.1, 2 * index, 10 + index / 3, 7)
+
+
+def write(path, storage='mcap', compression='none', topics=('/image',)):
+    """Write a bag of frames with their truth."""
+    with BagWriter(path, storage, compression) as writer:
+        for index, frame in enumerate(frames()):
+            for topic in topics:
+                writer.write_frame(frame, FIRST + index * STEP, topic, frame_id='eye')
+            writer.write_truth(box(index), FIRST + index * STEP)
+    return path
+
+
+def read_all(path, topic=None):
+    """Read everything there is to read."""
+    with BagReader(path) as bag:
+        return list(bag.frames(topic)), bag.truth()
+
+
+@pytest.mark.parametrize('compression', ['none', 'png'])
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@pytest.mark.parametrize('single_file', [False, True])
+def test_there_and_back(tmp_path, storage, compression, single_file):
+    """Pixels, stamps, frame ids and truth come back; from the folder and from its file."""
+    path = write(tmp_path / 'bag', storage, compression)
+    if single_file:
+        path = next(path.glob('*' + SUFFIX[storage]))
+    images, truth = read_all(path)
+    assert len(images) == COUNT
+    for index, (image, sent) in enumerate(zip(images, frames())):
+        assert np.array_equal(image.frame, sent)
+        assert image.stamp == image.received == FIRST + index * STEP
+        assert image.frame_id == 'eye'
+        found = truth[image.stamp]
+        if box(index) is None:
+            assert found is None
+        else:
+            assert found.as_array() == pytest.approx(box(index).as_array(), abs=1e-12)
+
+
+def test_jpeg_is_close(tmp_path):
+    """JPEG keeps a smooth picture within a few grey levels."""
+    frame = np.tile(np.linspace(30, 200, 64).astype(np.uint8)[None, :, None], (48, 1, 3))
+    with BagWriter(tmp_path / 'bag', compression='jpeg') as writer:
+        writer.write_frame(frame, FIRST)
+    with BagReader(tmp_path / 'bag') as bag:
+        assert list(bag.topics) == ['/image/compressed']
+        seen = next(bag.frames()).frame
+    assert np.abs(seen.astype(int) - frame).max() <= 4
+
+
+def test_grey_stays_grey(tmp_path):
+    """A grey frame is stored as mono8, and read as one."""
+    frame = frames()[0][..., 0].copy()
+    for compression in ('none', 'png'):
+        with BagWriter(tmp_path / compression, compression=compression) as writer:
+            writer.write_frame(frame, FIRST)
+        with BagReader(tmp_path / compression) as bag:
+            assert np.array_equal(next(bag.frames()).frame, frame)
+
+
+def test_truth_beside_the_bag(tmp_path):
+    """The CSV has every box in full precision, and serves where the topic is missing."""
+    path = write(tmp_path / 'bag')
+    with (path / 'truth.csv').open(newline='') as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ['stamp_ns', 'x', 'y', 'width', 'height']
+    for index, row in enumerate(rows[1:]):
+        assert int(row[0]) == FIRST + index * STEP
+        values = [float(text) for text in row[1:]]
+        if box(index) is None:
+            assert all(math.isnan(value) for value in values)
+        else:
+            assert values == box(index).as_array().tolist()
+    with BagReader(path) as bag:
+        truth = bag.truth('/no_such_topic')
+    assert [truth[FIRST + index * STEP] for index in range(COUNT)] == list(map(box, range(COUNT)))
+
+
+@pytest.mark.parametrize('text, words', [
+    ('x,y\n', 'first line'), ('stamp_ns,x,y,width,height\n1,2,3\n', 'line 2'),
+    ('stamp_ns,x,y,width,height\n1,2,3,4,5\nfive,1,1,1,1\n', 'line 3'),
+    ('stamp_ns,x,y,width,height\n1,2,3,-4,5\n', 'positive')])
+def test_broken_truth_file(tmp_path, text, words):
+    """The line and the reason are named."""
+    path = write(tmp_path / 'bag')
+    (path / 'truth.csv').write_text(text)
+    with BagReader(path) as bag, pytest.raises(BagError, match=words):
+        bag.truth('/no_such_topic')
+
+
+def ros1_bag(path, compressed=False):
+    """Write a ROS 1 bag of one image topic and of a type that Jazzy doesn't know."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg('uint8 level\n', 'my_msgs/msg/Level'))
+    kind = store.types
+    with Ros1Writer(path) as writer:
+        name = 'sensor_msgs/msg/CompressedImage' if compressed else 'sensor_msgs/msg/Image'
+        images = writer.add_connection('/camera', name, typestore=store)
+        levels = writer.add_connection('/level', 'my_msgs/msg/Level', typestore=store)
+        for index, frame in enumerate(frames()):
+            seconds, nanoseconds = divmod(FIRST + index * STEP, 10 ** 9)
+            header = kind['std_msgs/msg/Header'](
+                index, kind['builtin_interfaces/msg/Time'](seconds, nanoseconds), 'eye')
+            if compressed:
+                data = messages.compressed_image(frame, 0, '', 'png').data
+                sent = kind[name](header, 'png', data)
+            else:
+                sent = kind[name](header, 36, 48, 'bgr8', 0, 144, frame.ravel())
+            received = FIRST + index * STEP + 1000
+            writer.write(images, received, store.serialize_ros1(sent, name))
+            level = kind['my_msgs/msg/Level'](index)
+            writer.write(levels, received, store.serialize_ros1(level, 'my_msgs/msg/Level'))
+    return path
+
+
+@pytest.mark.parametrize('compressed', [False, True])
+def test_ros1(tmp_path, compressed):
+    """A ROS 1 bag gives the same frames; unknown types don't get in the way."""
+    images, truth = read_all(ros1_bag(tmp_path / 'one.bag', compressed))
+    assert truth == {}
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(image.received == image.stamp + 1000 for image in images)
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+    with BagReader(tmp_path / 'one.bag') as bag:
+        assert {raw.topic for raw in bag.raw()} == {'/camera'}
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3', 'ros1'])
+@pytest.mark.parametrize('share', [0.0, 0.001, 0.3, 0.6, 0.9, 0.999])
+def test_truncated(tmp_path, storage, share):
+    """A bag that was cut off is called broken or empty, wherever the cut is."""
+    if storage == 'ros1':
+        path = file = ros1_bag(tmp_path / 'one.bag')
+    else:
+        path = write(tmp_path / 'bag', storage)
+        file = next(path.glob('*' + SUFFIX[storage]))
+    data = file.read_bytes()
+    file.write_bytes(data[:int(share * len(data))])
+    with pytest.raises(BagError, match='broken|truncated|empty') as caught:
+        read_all(path)
+    assert str(path) in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3', 'ros1'])
+def test_corrupted(tmp_path, storage):
+    """Bytes that were changed never lead to another error than BagError."""
+    if storage == 'ros1':
+        path = file = ros1_bag(tmp_path / 'one.bag')
+    else:
+        path = write(tmp_path / 'bag', storage)
+        file = next(path.glob('*' + SUFFIX[storage]))
+    data = file.read_bytes()
+    rng = np.random.default_rng(9)
+    refused = 0
+    for amount in (3, 30, 300, 3000):
+        for _ in range(6):
+            changed = bytearray(data)
+            for place in rng.integers(0, len(data), amount):
+                changed[place] = rng.integers(0, 256)
+            file.write_bytes(changed)
+            try:
+                read_all(path)
+            except BagError:
+                refused += 1
+    assert refused >= 12
+
+
+@pytest.mark.parametrize('name, content, words', [
+    ('missing', None, 'does not exist'),
+    ('empty.mcap', b'', 'empty'),
+    ('empty.bag', b'', 'empty'),
+    ('noise.bag', b'no bag at all', 'broken'),
+    ('noise.db3', b'no bag at all', 'broken'),
+    ('film.mp4', b'no bag at all', 'not a bag')])
+def test_not_a_bag(tmp_path, name, content, words):
+    """What isn't a bag is refused with its name and the reason."""
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BagError, match=words) as caught:
+        read_all(path)
+    assert name in str(caught.value)
+
+
+@pytest.mark.parametrize('metadata', [None, '', 'a: [1', 'rosbag2_bagfile_information: 3\n'])
+def test_broken_metadata(tmp_path, metadata):
+    """A folder without metadata is no bag; with wrong ones it's a broken one."""
+    path = write(tmp_path / 'bag')
+    if metadata is None:
+        (path / 'metadata.yaml').unlink()
+    else:
+        (path / 'metadata.yaml').write_text(metadata)
+    with pytest.raises(BagError, match='metadata' if metadata is None else 'broken'):
+        read_all(path)
+
+
+def test_storage_is_missing(tmp_path):
+    """The file that the metadata name is gone."""
+    path = write(tmp_path / 'bag')
+    next(path.glob('*.mcap')).unlink()
+    with pytest.raises(BagError, match='missing'):
+        read_all(path)
+
+
+def test_no_message(tmp_path):
+    """A bag without messages is empty."""
+    with BagWriter(tmp_path / 'bag'):
+        pass
+    with pytest.raises(BagError, match='empty'):
+        read_all(tmp_path / 'bag')
+
+
+def test_no_image_topic(tmp_path):
+    """What the bag has instead is listed."""
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_truth(Box(1, 2, 3, 4), FIRST)
+    with pytest.raises(BagError, match='no image topic.*/truth'):
+        read_all(tmp_path / 'bag')
+
+
+def test_two_image_topics(tmp_path):
+    """One must be chosen; a leading slash doesn't matter."""
+    path = write(tmp_path / 'bag', topics=('/left', '/right'))
+    with pytest.raises(BagError, match='several.*/left.*/right.*--topic'):
+        read_all(path)
+    for name in ('left', '/right'):
+        assert len(read_all(path, name)[0]) == COUNT
+    with pytest.raises(BagError, match='no topic /middle.*/left'):
+        read_all(path, 'middle')
+    with pytest.raises(BagError, match='/truth holds vision_msgs'):
+        read_all(path, '/truth')
+
+
+def test_image_that_cannot_be_read(tmp_path):
+    """It's an error with its place, or left out and told."""
+    with BagWriter(tmp_path / 'bag') as writer:
+        for index, frame in enumerate(frames()[:3]):
+            message = messages.image(frame, FIRST + index, 'eye')
+            if index == 1:
+                message.encoding = 'nonsense'
+            writer.write('/image', message, FIRST + index)
+    with BagReader(tmp_path / 'bag') as bag:
+        with pytest.raises(BagError, match='image 1 of /image.*nonsense'):
+            list(bag.frames())
+        told = []
+        assert [image.stamp - FIRST for image in bag.frames(malformed=told)] == [0, 2]
+        assert len(told) == 1 and 'nonsense' in told[0]
+
+
+def test_error_leaves_nothing(tmp_path):
+    """An interrupted bag doesn't appear, nor does anything else stay behind."""
+    with pytest.raises(KeyboardInterrupt), BagWriter(tmp_path / 'bag') as writer:
+        writer.write_frame(frames()[0], FIRST)
+        raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_overwritten(tmp_path):
+    """A path that exists is refused, and kept."""
+    write(tmp_path / 'bag')
+    with pytest.raises(BagError, match='exists already'):
+        write(tmp_path / 'bag')
+    assert len(read_all(tmp_path / 'bag')[0]) == COUNT
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (('zip',), 'mcap, sqlite3'), (('mcap', 'gif'), 'none, png, jpeg')])
+def test_unknown_formats(tmp_path, arguments, words):
+    """The valid ones are listed."""
+    with pytest.raises(BagError, match=words):
+        BagWriter(tmp_path / 'bag', *arguments)
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_what_ros2_bag_needs(tmp_path, storage):
+    """Metadata of version 9, types with hashes and whole definitions, quality of service."""
+    path = write(tmp_path / 'bag', storage)
+    yaml = pytest.importorskip('yaml', reason='needs PyYAML')
+    about = yaml.safe_load((path / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    assert about['version'] == 9
+    assert about['storage_identifier'] == storage
+    assert about['message_count'] == 2 * COUNT
+    assert about['duration']['nanoseconds'] == (COUNT - 1) * STEP
+    assert (path / about['relative_file_paths'][0]).is_file()
+    rows = {row['topic_metadata']['name']: row['topic_metadata']
+            for row in about['topics_with_message_count']}
+    assert rows['/image']['type'] == 'sensor_msgs/msg/Image'
+    assert rows['/truth']['type'] == 'vision_msgs/msg/Detection2DArray'
+    for row in rows.values():
+        assert row['serialization_format'] == 'cdr'
+        assert row['type_description_hash'].startswith('RIHS01_')
+        assert row['offered_qos_profiles'][0]['reliability'] == 'reliable'
+    with Ros2Reader(path) as bag:
+        for connection in bag.connections:
+            assert 'MSG: std_msgs/Header' in connection.msgdef.data
+
+
+def test_definitions_are_those_of_the_interface_package(repository: Path):
+    """The types that bags carry hash like the definitions that ROS nodes are built from."""
+    folder = repository / 'interfaces' / 'vision_msgs' / 'msg'
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = {}
+    for file in sorted(folder.glob('*.msg')):
+        types.update(get_types_from_msg(file.read_text(), f'vision_msgs/msg/{file.stem}'))
+    store.register(types)
+    assert len(types) >= 7
+    for name in types:
+        assert messages.typestore().hash_rihs01(name) == store.hash_rihs01(name)
+
+
+def test_cdr_is_that_of_ros(tmp_path):
+    """ROS itself reads what the bag holds."""
+    serialization = pytest.importorskip('rclpy.serialization', reason='needs rclpy')
+    sensor_msgs = pytest.importorskip('sensor_msgs.msg', reason='needs sensor_msgs')
+    vision_msgs = pytest.importorskip('vision_msgs.msg', reason='needs vision_msgs')
+    path = write(tmp_path / 'bag')
+    with BagReader(path) as bag:
+        raws = list(bag.raw())
+    image = serialization.deserialize_message(bytes(raws[0].data), sensor_msgs.Image)
+    assert np.array_equal(to_frame(image), frames()[0])
+    assert stamp_nanoseconds(image.header.stamp) == FIRST
+    assert image.header.frame_id == 'eye'
+    truth = serialization.deserialize_message(bytes(raws[1].data), vision_msgs.Detection2DArray)
+    bounds = truth.detections[0].bbox
+    assert (bounds.center.position.x, bounds.center.position.y) == box(0).center
+    assert (bounds.size_x, bounds.size_y) == (box(0).width, box(0).height)
+
+
+@pytest.mark.parametrize('name', ['face_fast', 'full_occlusion', 'leave_and_return'])
+def test_recorded_bags(repository: Path, name):
+    """Those in the repository are whole, small, and have a truth for every image."""
+    path = repository / 'bags' / name
+    images, truth = read_all(path)
+    assert len(images) >= 50
+    assert set(truth) == {image.stamp for image in images}
+    assert truth[images[0].stamp] is not None
+    absent = sum(box is None for box in truth.values())
+    assert absent == 0 if name == 'face_fast' else absent > 10
+
+
+def test_recorded_bags_are_small(repository: Path):
+    """All together they stay below ten megabytes."""
+    files = [file for file in (repository / 'bags').rglob('*') if file.is_file()]
+    assert 0 < sum(file.stat().st_size for file in files) < 10_000_000
+
+
+def test_moved_bag(tmp_path):
+    """A bag may be copied and renamed."""
+    path = write(tmp_path / 'bag')
+    shutil.move(path, tmp_path / 'other')
+    assert len(read_all(tmp_path / 'other')[0]) == COUNT
