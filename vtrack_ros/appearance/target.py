@@ -120,12 +120,15 @@ class TargetModel:
     scale: ScaleFilter
 
     @classmethod
-    def create(cls, size: Point, colour: bool) -> TargetModel:
-        """Make an empty model for a target of that size, in pixels."""
+    def create(cls, frame: Frame, center: Point, size: Point) -> TargetModel:
+        """Learn the first look of the target of that centre and size, in pixels."""
         layout = Layout.around(*size)
         width = _LABEL_WIDTH * float(np.sqrt(layout.target[0] * layout.target[1]))
-        return cls(layout, CorrelationFilter.create(layout.rows, layout.columns, width),
-                   ForegroundModel.create(colour), ScaleFilter.create(*size))
+        empty = cls(layout, CorrelationFilter.create(layout.rows, layout.columns, width),
+                    ForegroundModel.create(frame.ndim == 3), ScaleFilter.create(*size))
+        view = empty.view(frame, center, size)
+        scales = empty.scale.transform(view.grey, *empty._in_pixels(view, (0.0, 0.0)))
+        return empty.learned(view, empty.transform(view)).learned_scale(scales, 0.0)
 
     def view(self, frame: Frame, center: Point, size: Point) -> View:
         """Describe the window about a target of that centre and size, in pixels."""
@@ -186,8 +189,7 @@ class TargetModel:
         factor, steps = self.scale.peak(self.scale.response(spectrum))
         return factor, steps, spectrum
 
-    def learned(self, view: View, spectrum: Spectrum, shift: Point = (0.0, 0.0),
-                gain: float = 1.0) -> TargetModel:
+    def learned(self, view: View, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> TargetModel:
         """
         Return the model after learning place and colour from a view.
 
@@ -199,22 +201,17 @@ class TargetModel:
             The view's.
         shift : tuple of float, [cells]
             The target's place from the view's centre.
-        gain : float
-            Multiplies the learning rates.
 
         """
         first = not self.correlation.denominator.any()
-        rate, colour_rate = (1.0, 1.0) if first else (gain * _RATE, gain * _COLOUR_RATE)
+        rate, colour_rate = (1.0, 1.0) if first else (_RATE, _COLOUR_RATE)
         return replace(
             self, correlation=self.correlation.learned(spectrum, rate, shift),
             foreground=self.foreground.learned(view.small, self._rectangle(shift), colour_rate))
 
-    def learned_scale(self, view: View, spectrum: NDArray[np.complex64] | None = None,
-                      shift: Point = (0.0, 0.0), steps: float = 0.0) -> TargetModel:
-        """Return the model after learning the scale; `spectrum` and `steps` as of `growth`."""
+    def learned_scale(self, spectrum: NDArray[np.complex64], steps: float) -> TargetModel:
+        """Return the model after learning the scale, from what `growth` returned."""
         first = not self.scale.denominator.any()
-        if spectrum is None:
-            spectrum = self.scale.transform(view.grey, *self._in_pixels(view, shift))
         return replace(self, scale=self.scale.learned(
             spectrum, 1.0 if first else _SCALE_RATE, steps))
 
