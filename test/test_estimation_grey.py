@@ -98,7 +98,8 @@ def test_positive_columns_are_left_alone_beside_others():
     rng = np.random.default_rng(1)
     positive, mixed = rng.uniform(1, 2, (5, 1)), rng.normal(size=(5, 1))
     together = gm11_forecast(np.hstack([positive, mixed]))
-    assert together[0] == gm11_forecast(positive)[0]
+    # other strides may round differently
+    assert together[0] == pytest.approx(gm11_forecast(positive)[0], rel=1e-12)
     assert together[1] == gm11_forecast(mixed)[0]
 
 
