@@ -44,7 +44,7 @@ def oriented_gradients(grey: Frame, cell: int = 4) -> NDArray[np.float32]:
     along_x = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1)
     along_y = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
     angle = cv2.phase(along_x, along_y)
-    # OpenCV 4.6 rounds its own magnitude by where the arrays lie in memory: no run was like another
+    # OpenCV 4.6 rounds its own magnitude by where the arrays lie in memory: no two runs agree
     magnitude = np.sqrt(along_x**2 + along_y**2)
     angle *= np.float32(_SIGNED / (2 * np.pi))
     angle += np.float32(0.5)
