@@ -15,7 +15,7 @@ SCRIPT = 'import sys; from ament_flake8.main import main; sys.exit(main())'
 
 def test_flake8(repository: Path) -> None:
     """Nothing is found."""
-    # A process of its own: flake8 forks, which the threads of earlier tests' nodes wouldn't survive.
+    # In a process of its own: flake8 forks, which the threads of earlier tests' nodes can't take.
     run = subprocess.run(
         [sys.executable, '-c', SCRIPT, *python_paths(repository)], capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
