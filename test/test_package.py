@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-EXECUTABLES = ('tracker', 'vtrack')
+EXECUTABLES = ('tracker', 'tracker_lifecycle', 'vtrack')
 #: How long discovery, an answer or an end may take before a test gives up, in seconds.
 PATIENCE = 30.0
 
@@ -71,8 +71,10 @@ def test_pip(repository: Path, tmp_path: Path) -> None:
     for name in EXECUTABLES:
         assert os.access(tmp_path / 'venv' / 'bin' / name, os.X_OK)
     share = tmp_path / 'venv' / 'share'
-    assert (share / 'vtrack_ros' / 'config' / 'fastdds.xml').is_file()
     assert (share / 'ament_index' / 'resource_index' / 'packages' / 'vtrack_ros').is_file()
+    script = 'from vtrack_ros.ros.dds_profile import profile_path; print(profile_path())'
+    found = run(tmp_path / 'venv' / 'bin' / 'python', '-c', script, cwd=tmp_path)
+    assert Path(found.strip()) == share / 'vtrack_ros' / 'config' / 'fastdds.xml'
 
 
 @pytest.fixture(scope='module')
