@@ -1,0 +1,122 @@
+"""The affine group: exponential, logarithm, mean, bounds."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+import scipy.linalg
+
+from vtrack_ros.geometry import affine
+
+_SMALL = st.lists(st.floats(-0.6, 0.6), min_size=6, max_size=6).map(np.array)
+
+
+def _random(spread, count=200, seed=0):
+    return np.random.default_rng(seed).standard_normal((count, 6)) * spread
+
+
+@pytest.mark.parametrize('spread', [0.0, 1e-9, 1e-6, 1e-5, 1e-3, 0.1, 1.0, 3.0])
+def test_exponential_is_the_matrix_exponential(spread):
+    elements = affine.from_coordinates(_random(spread))
+    expected = np.array([scipy.linalg.expm(element) for element in elements])
+    assert_allclose(affine.exponential(elements), expected, rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize('coordinates', [
+    (0, 0.3, 0.3, 0, 1, 2),  # nilpotent: equal eigenvalues, but no multiple of the identity
+    (0.2, 0, 0, 0, 1, -1), (0, 0, 1.5, 0, 3, 4), (0, 0.7, 0, 0.1, -2, 1), (0, 0, 0, 0, 5, -7)])
+def test_exponential_of_special_elements(coordinates):
+    element = affine.from_coordinates(np.array(coordinates, float))
+    assert_allclose(affine.exponential(element), scipy.linalg.expm(element), atol=1e-9)
+
+
+@given(_SMALL)
+@settings(max_examples=60, deadline=None)
+def test_logarithm_inverts_the_exponential(coordinates):
+    element = affine.from_coordinates(coordinates)
+    assert_allclose(affine.logarithm(affine.exponential(element)), element, atol=1e-8)
+
+
+def test_logarithm_is_undefined_from_half_a_turn_and_for_mirror_images():
+    half_turn, mirrored = np.diag([-1.0, -1.0, 1.0]), np.diag([-1.0, 1.0, 1.0])
+    assert np.isnan(affine.logarithm(np.array([half_turn, mirrored]))).all()
+
+
+def test_coordinates_invert_from_coordinates():
+    coordinates = _random(1.0)
+    assert_allclose(affine.coordinates(affine.from_coordinates(coordinates)), coordinates,
+                    atol=1e-14)
+
+
+def test_basis_is_what_its_names_say():
+    scale, aspect, turn, skew, x, _ = affine.exponential(0.1 * affine.BASIS)
+    assert_allclose(scale[:2, :2], np.exp(0.1) * np.eye(2))
+    assert_allclose(aspect[:2, :2], np.diag([np.exp(0.1), np.exp(-0.1)]))
+    # clockwise on a screen whose y points down: the x axis turns towards y
+    assert_allclose(turn[:2, 0], (np.cos(0.1), np.sin(0.1)))
+    assert_allclose(skew[:2, :2], [[np.cosh(0.1), np.sinh(0.1)], [np.sinh(0.1), np.cosh(0.1)]])
+    assert_allclose(x, [[1, 0, 0.1], [0, 1, 0], [0, 0, 1]])
+
+
+def test_inverse():
+    transformations = affine.exponential(affine.from_coordinates(_random(0.5)))
+    product = transformations @ affine.inverse(transformations)
+    assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), atol=1e-9)
+
+
+def test_distance_is_left_invariant():
+    first, second, motion = affine.exponential(affine.from_coordinates(_random(0.3, 3)))
+    there = affine.distance(first, second)
+    assert there > 0.1
+    assert affine.distance(motion @ first, motion @ second) == pytest.approx(float(there))
+    assert affine.distance(first, first) == pytest.approx(0, abs=1e-9)
+
+
+def test_group_mean_of_symmetric_noise_is_its_middle():
+    middle = affine.exponential(affine.from_coordinates(
+        np.array([0.3, 0.1, 0.8, -0.1, 20.0, -5.0])))
+    noise = _random(0.02, 500, seed=3)
+    pairs = np.concatenate([noise, -noise])
+    # heaviest in the middle, where symmetric noise stays symmetric
+    steps = affine.exponential(affine.from_coordinates(np.concatenate([np.zeros((1, 6)), pairs])))
+    weights = np.concatenate([[2.0], np.ones(len(pairs))])
+    mean = affine.group_mean(middle @ steps, weights)
+    assert_allclose(mean, middle, atol=2e-3)
+
+
+def test_group_mean_averages_rotations_not_matrices():
+    turns = np.array([-0.5, 0.0, 0.5])
+    states = np.repeat(np.eye(3)[None], 3, 0)
+    states[:, :2, :2] = affine.rotation(turns)
+    mean = affine.group_mean(states, np.array([1.0, 1.1, 1.0]))
+    assert_allclose(mean, np.eye(3), atol=1e-12)  # the arithmetic mean would shrink
+
+
+def test_group_mean_weighs_translations_arithmetically():
+    states = np.repeat(np.eye(3)[None], 2, 0)
+    states[1, :2, 2] = 8.0, -4.0
+    assert_allclose(affine.group_mean(states, np.array([3.0, 1.0]))[:2, 2], (2.0, -1.0))
+
+
+def test_group_mean_survives_a_particle_that_is_half_a_turn_away():
+    states = np.array([np.eye(3), np.eye(3), np.diag([-1.0, -1.0, 1.0])])
+    assert_allclose(affine.group_mean(states, np.array([2.0, 1.0, 1.0])), np.eye(3), atol=1e-12)
+
+
+def test_angle_scale_and_stretch():
+    vector = np.array([np.log(3.0), np.log(1.2), 0.7, 0.0, 5.0, 6.0])
+    state = affine.from_vector(vector)
+    assert affine.angle(state) == pytest.approx(0.7)
+    assert affine.scale(state) == pytest.approx(3.0)
+    assert affine.stretch(state) == pytest.approx(1.2**2)
+    assert_allclose(state[:2, 2], (5, 6))
+
+
+def test_bounds_of_a_turned_rectangle():
+    state = np.eye(3)
+    state[:2, :2] = affine.rotation(np.asarray(np.pi / 2))
+    state[:2, 2] = 10, 20
+    assert_allclose(affine.bounds(state, (4.0, 2.0)), (10, 20, 2, 4), atol=1e-12)
+    state[:2, :2] = affine.rotation(np.asarray(np.pi / 4))
+    corners = np.array([[2, 1], [2, -1], [-2, 1], [-2, -1]]) @ state[:2, :2].T
+    assert_allclose(affine.bounds(state, (4.0, 2.0))[2:], 2 * corners.max(0))

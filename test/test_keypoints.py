@@ -1,0 +1,116 @@
+"""Pose from keypoints: matching, RANSAC and the Sylvester equation."""
+
+import cv2
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from vtrack_ros.appearance.keypoints import (
+    KeypointDetector, match, pose_change, similarity, sylvester_rotation)
+from vtrack_ros.geometry import affine
+
+
+def _points(count, seed=0):
+    return np.random.default_rng(seed).uniform(0, 100, (count, 2))
+
+
+def _moved(points, turn, scale=1.0, shift=(0.0, 0.0)):
+    return scale * points @ affine.rotation(np.asarray(turn)).T + shift
+
+
+def _texture(size=160, seed=5):
+    noise = np.random.default_rng(seed).integers(0, 256, (size // 6, size // 6), dtype=np.uint8)
+    return cv2.resize(noise, (size, size), interpolation=cv2.INTER_CUBIC)
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.05, -0.6, 1.5, 2.9, -3.1])
+def test_sylvester_rotation_is_the_least_squares_one(turn):
+    before = _points(30)
+    before -= before.mean(0)
+    after = _moved(before, turn) + np.random.default_rng(1).standard_normal(before.shape) * 3
+    after -= after.mean(0)
+    # the orthogonal Procrustes solution, by another way
+    left, _, right = np.linalg.svd(after.T @ before)
+    best = left @ np.diag([1, np.linalg.det(left @ right)]) @ right
+    assert_allclose(sylvester_rotation(before, after), best, atol=1e-8)
+
+
+def test_points_on_a_line_still_give_the_rotation():
+    before = np.outer(np.linspace(-1, 1, 9), (3.0, 4.0))
+    turn = affine.rotation(np.asarray(0.4))
+    assert_allclose(sylvester_rotation(before, before @ turn.T), turn, atol=1e-6)
+
+
+@pytest.mark.parametrize('scale', [0.8, 1.0, 1.3])
+def test_similarity_recovers_an_exact_movement(scale):
+    before = _points(12)
+    matrix = similarity(before, _moved(before, 0.3, scale, (7.0, -2.0)))
+    expected = np.eye(3)
+    expected[:2, :2] = scale * affine.rotation(np.asarray(0.3))
+    expected[:2, 2] = 7, -2
+    assert_allclose(matrix, expected, atol=1e-7)
+
+
+def test_pose_change_ignores_outliers():
+    rng = np.random.default_rng(2)
+    before = _points(40)
+    after = _moved(before, -0.4, 1.1, (5.0, 9.0)) + 0.2 * rng.standard_normal(before.shape)
+    after[:16] = rng.uniform(0, 100, (16, 2))
+    change = pose_change(before, after, 1.5, rng)
+    assert change is not None
+    assert affine.angle(change.matrix) == pytest.approx(-0.4, abs=0.01)
+    assert affine.scale(change.matrix) == pytest.approx(1.1, abs=0.01)
+    assert_allclose(_moved(before, -0.4, 1.1, (5.0, 9.0)),
+                    before @ change.matrix[:2, :2].T + change.matrix[:2, 2], atol=0.5)
+    assert 22 <= len(change.before) <= 28
+    assert change.error < 0.6
+
+
+@pytest.mark.parametrize('count', [0, 1, 3])
+def test_too_few_matches_give_no_pose(count):
+    points = _points(count)
+    assert pose_change(points, points, 1.0, np.random.default_rng(0)) is None
+
+
+def test_matches_that_agree_on_nothing_give_no_pose():
+    assert pose_change(_points(40), _points(40, 1), 1.0, np.random.default_rng(0)) is None
+
+
+def test_one_point_seen_many_times_gives_no_pose():
+    points = np.ones((10, 2))
+    assert pose_change(points, points, 1.0, np.random.default_rng(0)) is None
+
+
+@pytest.mark.parametrize('enlargement', [1, 3])
+def test_sift_finds_the_rotation_of_a_picture(enlargement):
+    size = 160 * enlargement
+    image = cv2.resize(_texture(), (size, size), interpolation=cv2.INTER_CUBIC)
+    center = (size / 2, size / 2)
+    # OpenCV's angles are anticlockwise
+    turning = cv2.getRotationMatrix2D((center[0] - 0.5, center[1] - 0.5), -12, 1.0)
+    turned = cv2.warpAffine(image, turning, (size, size), borderMode=cv2.BORDER_REFLECT)
+    detector = KeypointDetector()
+    window = (100.0 * enlargement, 100.0 * enlargement)
+    matched = match(detector.detect(image, center, window),
+                    detector.detect(turned, center, window))
+    change = pose_change(*matched, 2.0 * enlargement, np.random.default_rng(0))
+    assert change is not None
+    assert np.degrees(affine.angle(change.matrix)) == pytest.approx(12, abs=1.5)
+    middle = change.matrix @ (*center, 1)
+    assert_allclose(middle[:2], center, atol=1.5 * enlargement)
+
+
+def test_a_plain_picture_has_no_keypoints_and_no_matches():
+    detector = KeypointDetector()
+    found = detector.detect(np.full((80, 80, 3), 90, np.uint8), (40.0, 40.0), (60.0, 60.0))
+    assert len(found.points) == 0
+    before, after = match(found, detector.detect(_texture(), (80.0, 80.0), (90.0, 90.0)))
+    assert len(before) == len(after) == 0
+
+
+def test_selected_keypoints_keep_their_descriptors():
+    found = KeypointDetector().detect(_texture(), (80.0, 80.0), (100.0, 100.0))
+    chosen = found.points[:, 0] < 80
+    part = found.selected(chosen)
+    assert 0 < len(part.points) < len(found.points)
+    assert_allclose(part.descriptors, found.descriptors[chosen])

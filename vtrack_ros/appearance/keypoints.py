@@ -1,0 +1,238 @@
+"""How a target moved between two frames, from the keypoints that both show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+import scipy.linalg
+
+from vtrack_ros.appearance.window import sample_window
+from vtrack_ros.frame import Frame
+
+Points = NDArray[np.float64]
+
+#: Keypoints are looked for in at most about this many pixels, squared.
+_RESOLUTION = 96
+_KEYPOINTS = 80
+#: A match counts if its descriptor is this much nearer than the second nearest [Lowe 2004].
+_RATIO = 0.8
+_TRIALS = 100
+#: Fewest matches that agree, and the fewest as a share of all.
+_FEWEST = 4
+_FEWEST_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Keypoints:
+    """
+    Keypoints of one frame.
+
+    Parameters
+    ----------
+    points : ndarray, shape (M, 2), [px]
+    descriptors : ndarray of float32, shape (M, 128)
+
+    """
+
+    points: Points
+    descriptors: NDArray[np.float32]
+
+    def selected(self, chosen: NDArray[np.bool_]) -> Keypoints:
+        """Return the keypoints that a mask of shape (M,) chooses."""
+        return Keypoints(self.points[chosen], self.descriptors[chosen])
+
+
+@dataclass(frozen=True)
+class PoseChange:
+    """
+    The rotation, change of scale and translation between two frames.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (3, 3)
+        Maps points of the former frame to the latter, in pixels.
+    before, after : ndarray, shape (M, 2), [px]
+        The matched points that agree with it.
+    error : float, [px]
+        The root mean square of their distances.
+
+    """
+
+    matrix: NDArray[np.float64]
+    before: Points
+    after: Points
+    error: float
+
+
+class KeypointDetector:
+    """SIFT keypoints [Lowe 2004] of a window, at a bounded resolution."""
+
+    def __init__(self) -> None:
+        self._sift = cv2.SIFT.create(nfeatures=_KEYPOINTS, contrastThreshold=0.02)
+
+    def detect(self, frame: Frame, center: tuple[float, float],
+               size: tuple[float, float]) -> Keypoints:
+        """
+        Return the keypoints of a window.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        center, size : tuple of float, [px]
+            The window's centre and size.
+
+        """
+        shrink = min(1.0, _RESOLUTION / float(np.sqrt(size[0] * size[1])))
+        columns, rows = (max(8, round(side * shrink)) for side in size)
+        window = sample_window(frame, center, size, (rows, columns))
+        if window.ndim == 3:
+            window = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY)
+        found, descriptors = self._sift.detectAndCompute(window, None)
+        if descriptors is None:
+            return Keypoints(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
+        pixels = np.array([keypoint.pt for keypoint in found])
+        offset = (pixels + 0.5) / (columns, rows) - 0.5
+        return Keypoints(center + offset * size, descriptors)
+
+
+def match(before: Keypoints, after: Keypoints) -> tuple[Points, Points]:
+    """
+    Return the points of both frames that have each other's nearest descriptor.
+
+    A match has to be better than the second best by Lowe's ratio.
+
+    Returns
+    -------
+    tuple of ndarray, shape (M, 2), [px]
+        The points before, and those after.
+
+    """
+    none = np.zeros((0, 2))
+    if len(before.points) < 2 or len(after.points) < 2:
+        return none, none
+    squares = (np.square(before.descriptors).sum(1)[:, None]
+               + np.square(after.descriptors).sum(1)
+               - 2 * before.descriptors @ after.descriptors.T)
+    order = np.argpartition(squares, 1, axis=1)[:, :2]
+    best, second = np.take_along_axis(squares, order, 1).T
+    swapped = best > second
+    nearest = np.where(swapped, order[:, 1], order[:, 0])
+    best, second = np.minimum(best, second), np.maximum(best, second)
+    mutual = squares.argmin(0)[nearest] == np.arange(len(nearest))
+    good = mutual & (best < _RATIO**2 * second)
+    return before.points[good], after.points[nearest[good]]
+
+
+def pose_change(before: Points, after: Points, tolerance: float,
+                rng: np.random.Generator) -> PoseChange | None:
+    """
+    Return the pose change that most matches agree with, or None where too few do.
+
+    RANSAC over pairs of matches [Fischler and Bolles 1981], then least squares over those that
+    agree: rotation by the Sylvester equation, translation by [Xiang, eq. 4].
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (M, 2), [px]
+        Matched points.
+    tolerance : float, [px]
+        The largest distance of a match that agrees.
+    rng : numpy.random.Generator
+
+    """
+    count = len(before)
+    if count < _FEWEST:
+        return None
+    # a similarity is a complex linear function z' = a z + b
+    source, target = before @ (1, 1j), after @ (1, 1j)
+    first = rng.integers(0, count, _TRIALS)
+    second = (first + rng.integers(1, count, _TRIALS)) % count
+    base = source[second] - source[first]
+    usable = np.abs(base) > tolerance
+    turn = (target[second] - target[first])[usable] / base[usable]
+    shift = target[first[usable]] - turn * source[first[usable]]
+    if not len(turn):
+        return None
+    agrees = np.abs(turn[:, None] * source + shift[:, None] - target) < tolerance
+    inliers = agrees[int(agrees.sum(1).argmax())]
+    for _ in range(2):
+        if inliers.sum() < max(_FEWEST, _FEWEST_SHARE * count):
+            return None
+        matrix = similarity(before[inliers], after[inliers])
+        errors = np.linalg.norm(before @ matrix[:2, :2].T + matrix[:2, 2] - after, axis=1)
+        inliers = errors < tolerance
+    if inliers.sum() < max(_FEWEST, _FEWEST_SHARE * count):
+        return None
+    return PoseChange(matrix, before[inliers], after[inliers],
+                      float(np.sqrt(np.mean(errors[inliers]**2))))
+
+
+def similarity(before: Points, after: Points) -> NDArray[np.float64]:
+    """
+    Return the least squares rotation, scale and translation between matched points.
+
+    The paper's R is a pure rotation, but its own targets come nearer: the ratio of the spreads
+    [Horn 1987, sec. 2.E] is taken out first and multiplied in again.
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (M, 2), [px]
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        p' = s R p + l with l = mean(p') - s R mean(p) [Xiang, eq. 4].
+
+    """
+    mean_before, mean_after = before.mean(0), after.mean(0)
+    centred, target = before - mean_before, after - mean_after
+    spread = max(float(np.square(centred).sum()), 1e-12)
+    ratio = float(np.sqrt(max(float(np.square(target).sum()), 1e-12) / spread))
+    result = np.eye(3)
+    result[:2, :2] = ratio * sylvester_rotation(centred, target / ratio)
+    result[:2, 2] = mean_after - result[:2, :2] @ mean_before
+    return result
+
+
+def sylvester_rotation(before: Points, after: Points) -> NDArray[np.float64]:
+    """
+    Return the rotation R that minimises sum ||R p - p'||^2 over centred points.
+
+    With a symmetric multiplier L of the constraint R^T R = I, linearised at a rotation R0 as
+    R0^T R + R^T R0 = 2 I, the normal equations are R P = M - R0 L, where P = sum p p^T and
+    M = sum p' p^T. Eliminating R leaves the Sylvester equation
+
+        P^-1 L + L P^-1 = R0^T M P^-1 + P^-1 M^T R0 - 2 I.
+
+    Its solution moves R0; at the fixed point R is a rotation and the least squares one. [Xiang,
+    eqs 2-3; the printed formulas are lost, this is the derivation that the text describes.]
+
+    Parameters
+    ----------
+    before, after : ndarray, shape (M, 2)
+        Both with zero mean.
+
+    Returns
+    -------
+    ndarray, shape (2, 2)
+
+    """
+    scatter, cross = before.T @ before, after.T @ before
+    # points on a line leave P singular; a little isotropic scatter changes no rotation
+    scatter = scatter + 1e-9 * max(float(np.trace(scatter)), 1e-12) * np.eye(2)
+    precision = np.linalg.inv(scatter)
+    rotation = np.eye(2)
+    for _ in range(30):
+        product = rotation.T @ cross @ precision
+        multiplier = scipy.linalg.solve_sylvester(
+            precision, precision, product + product.T - 2 * np.eye(2))
+        linear = (cross - rotation @ multiplier) @ precision
+        turn = np.arctan2(linear[1, 0] - linear[0, 1], linear[0, 0] + linear[1, 1])
+        before_turn = np.arctan2(rotation[1, 0], rotation[0, 0])
+        rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+        if abs(turn - before_turn) < 1e-10:
+            break
+    return rotation

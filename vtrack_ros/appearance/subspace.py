@@ -1,0 +1,115 @@
+"""The subspace of a target's looks: incremental principal components with a robust error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vectors = NDArray[np.float32]
+
+#: Rows handled at once: what fits the processor's cache is several times as fast.
+_BLOCK = 64
+
+
+@dataclass(frozen=True)
+class Subspace:
+    """
+    Mean and principal components of all looks so far, older ones counting less.
+
+    The model is probabilistic PCA: a look is a point of the subspace plus noise. It's updated by
+    the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.2, figure 2].
+
+    Parameters
+    ----------
+    mean : ndarray of float32, shape (d,)
+    components : ndarray of float32, shape (d, k)
+        Orthonormal columns, by falling singular value.
+    singular_values : ndarray, shape (k,)
+        Of the centred looks.
+    count : float
+        How many looks this stands for, with forgetting.
+    limit : int
+        The largest k.
+
+    """
+
+    mean: Vectors
+    components: Vectors
+    singular_values: NDArray[np.float64]
+    count: float
+    limit: int
+
+    @classmethod
+    def create(cls, look: Vectors, limit: int = 16) -> Subspace:
+        """Begin with one look, shape (d,): its subspace is a point."""
+        return cls(look.astype(np.float32), np.zeros((len(look), 0), np.float32), np.zeros(0),
+                   1.0, limit)
+
+    def learned(self, looks: Vectors, forgetting: float = 0.95) -> Subspace:
+        """
+        Return the subspace after a batch of looks.
+
+        Parameters
+        ----------
+        looks : ndarray, shape (m, d)
+        forgetting : float
+            The weight of everything before, in (0, 1]; 1 forgets nothing.
+
+        """
+        fresh = looks.astype(np.float64)
+        many, before = len(fresh), forgetting * self.count
+        count = before + many
+        own_mean, mean = fresh.mean(0), self.mean.astype(np.float64)
+        # the difference of the means is one more vector [Ross2008, lemma 1]
+        apart = np.sqrt(before * many / count) * (own_mean - mean)
+        # forgetting weighs the scatter as it does the count; [Ross2008, sec. 3.3] weighs the
+        # singular values, so that old looks fade twice as fast in the scatter as in the mean
+        columns = np.concatenate([
+            np.sqrt(forgetting) * self.components * self.singular_values,
+            (fresh - own_mean).T, apart[:, None]], axis=1)
+        components, values, _ = np.linalg.svd(columns, full_matrices=False)
+        kept = min(self.limit, int((values > 1e-6 * max(values[0], 1e-12)).sum()))
+        return Subspace(
+            ((before * mean + many * own_mean) / count).astype(np.float32),
+            components[:, :kept].astype(np.float32), values[:kept], count, self.limit)
+
+    def residuals(self, looks: Vectors) -> Vectors:
+        """Return what the subspace doesn't explain of looks of shape (n, d): the same shape."""
+        difference: Vectors = looks - self.mean
+        difference -= (difference @ self.components) @ self.components.T
+        return difference
+
+    def distance(self, looks: Vectors) -> Vectors:
+        """Return the Euclidean distance from the subspace, shape (n,) [Xiang, sec. 3.3.2]."""
+        residuals = self.residuals(looks)
+        squares: Vectors = np.einsum('nd,nd->n', residuals, residuals)
+        return np.sqrt(squares)
+
+    def robust_error(self, looks: Vectors, width: float) -> Vectors:
+        """
+        Return the mean over the pixels of e^2 / (e^2 + width^2), e the residual.
+
+        The error norm of Geman and McClure, as [Ross2008, sec. 3.4]: an outlier counts for one
+        pixel at most, however far it is.
+
+        Parameters
+        ----------
+        looks : ndarray of float32, shape (n, d)
+        width : float
+            The residual, in units of the looks, that counts half.
+
+        Returns
+        -------
+        ndarray of float32, shape (n,)
+            In [0, 1).
+
+        """
+        errors = np.empty(len(looks), np.float32)
+        for first in range(0, len(looks), _BLOCK):
+            squares = self.residuals(looks[first:first + _BLOCK])
+            squares *= squares
+            squares /= squares + np.float32(width**2)
+            errors[first:first + _BLOCK] = squares.mean(1)
+        return errors

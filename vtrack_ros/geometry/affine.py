@@ -1,0 +1,266 @@
+"""The group of two-dimensional affine transformations: exponential, logarithm, mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_Complex = NDArray[np.complex128]
+
+#: Basis of the Lie algebra aff(2), shape (6, 3, 3): change of scale, aspect ratio, rotation
+#: (clockwise as one looks at an image, since y points down), skew, and translation along x and y
+#: [Kwon and Park 2010, sec. 3.1].
+BASIS: Array = np.zeros((6, 3, 3))
+BASIS[0, :2, :2] = (1, 0), (0, 1)
+BASIS[1, :2, :2] = (1, 0), (0, -1)
+BASIS[2, :2, :2] = (0, -1), (1, 0)
+BASIS[3, :2, :2] = (0, 1), (1, 0)
+BASIS[4, 0, 2] = BASIS[5, 1, 2] = 1
+
+#: Eigenvalues nearer than this count as equal: below, a quotient of differences loses digits.
+_EQUAL = 1e-5
+
+
+def from_coordinates(coordinates: Array) -> Array:
+    """
+    Return elements of the Lie algebra from their coordinates in `BASIS`.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (..., 6)
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+
+    """
+    scale, aspect, rotation, skew, x, y = np.moveaxis(np.asarray(coordinates, float), -1, 0)
+    element = np.zeros((*scale.shape, 3, 3))
+    element[..., 0, 0], element[..., 0, 1] = scale + aspect, skew - rotation
+    element[..., 1, 0], element[..., 1, 1] = skew + rotation, scale - aspect
+    element[..., 0, 2], element[..., 1, 2] = x, y
+    return element
+
+
+def coordinates(element: Array) -> Array:
+    """Return the coordinates in `BASIS`, shape (..., 6), of elements of shape (..., 3, 3)."""
+    a, b, c, d = (element[..., i, j] for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)))
+    return np.stack([(a + d) / 2, (a - d) / 2, (c - b) / 2, (b + c) / 2,
+                     element[..., 0, 2], element[..., 1, 2]], axis=-1)
+
+
+def exponential(element: Array) -> Array:
+    """
+    Return the exponential of elements of the Lie algebra, in closed form.
+
+    exp([A, v; 0, 0]) = [exp(A), phi(A) v; 0, 1] with phi(z) = (exp(z) - 1) / z; both functions of
+    the 2 x 2 matrix come from its eigenvalues.
+
+    Parameters
+    ----------
+    element : ndarray, shape (..., 3, 3)
+        With a last row of zeros.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+
+    """
+    linear, translation = element[..., :2, :2], element[..., :2, 2]
+    result = np.zeros_like(element)
+    result[..., :2, :2] = _function(np.exp, linear)
+    result[..., :2, 2] = _times(_function(_relative_exponential, linear), translation)
+    result[..., 2, 2] = 1
+    return result
+
+
+def logarithm(transformation: Array) -> Array:
+    """
+    Return the principal logarithm; `exponential` takes it back.
+
+    It's unique only while the linear part has no eigenvalue on the negative real axis, that is
+    for rotations by less than half a turn. Elsewhere the result isn't a number: a caller decides
+    what a step that is too large to have a direction means.
+
+    Parameters
+    ----------
+    transformation : ndarray, shape (..., 3, 3)
+        With the last row (0, 0, 1).
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+
+    """
+    linear, translation = transformation[..., :2, :2], transformation[..., :2, 2]
+    half_trace = (linear[..., 0, 0] + linear[..., 1, 1]) / 2
+    determinant = _determinant(linear)
+    defined = (determinant > 0) & ((half_trace > 0) | (half_trace**2 < determinant))
+    safe = np.where(defined[..., None, None], linear, np.eye(2))
+    result = np.zeros_like(transformation)
+    result[..., :2, :2] = logarithm_of_linear = _function(np.log, safe)
+    inverse = _function(lambda z: 1 / _relative_exponential(z), logarithm_of_linear)
+    result[..., :2, 2] = _times(inverse, translation)
+    result[~defined] = np.nan
+    return result
+
+
+def inverse(transformation: Array) -> Array:
+    """Return the inverse of transformations of shape (..., 3, 3)."""
+    a, b, c, d = (transformation[..., i, j] for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)))
+    result = np.zeros_like(transformation)
+    determinant = a * d - b * c
+    result[..., 0, 0], result[..., 0, 1] = d / determinant, -b / determinant
+    result[..., 1, 0], result[..., 1, 1] = -c / determinant, a / determinant
+    result[..., :2, 2] = -_times(result[..., :2, :2], transformation[..., :2, 2])
+    result[..., 2, 2] = 1
+    return result
+
+
+def distance(first: Array, second: Array) -> Array:
+    """Return the length of the geodesic, ||log(X1^-1 X2)||, between transformations."""
+    step: Array = logarithm(inverse(first) @ second)
+    return np.sqrt(np.square(step).sum((-2, -1)))
+
+
+def group_mean(transformations: Array, weights: Array) -> Array:
+    """
+    Return the mean of transformations that are near each other.
+
+    The linear parts are averaged in the tangent space at the one of largest weight,
+    R_max exp(sum_j w_j log(R_max^-1 R_j)), and the translations arithmetically
+    [Xiang, sec. 2.2; Kwon and Park 2010, sec. 4.3].
+
+    Parameters
+    ----------
+    transformations : ndarray, shape (N, 3, 3)
+    weights : ndarray, shape (N,)
+        Non-negative; need not be normalised.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+
+    """
+    share = weights / weights.sum()
+    heaviest = np.zeros((3, 3))
+    heaviest[:2, :2] = transformations[int(share.argmax()), :2, :2]
+    heaviest[2, 2] = 1
+    linear = transformations.copy()
+    linear[:, :2, 2] = 0
+    steps = logarithm(inverse(heaviest) @ linear)
+    # a particle that is half a turn away has no direction, and so no say
+    near = np.isfinite(steps[:, 0, 0])
+    step = np.einsum('n,nij->ij', share[near], steps[near]) / share[near].sum()
+    mean: Array = heaviest @ exponential(step)
+    mean[:2, 2] = share @ transformations[:, :2, 2]
+    return mean
+
+
+def angle(transformation: Array) -> Array:
+    """Return the rotation, [rad], of the linear parts' nearest rotations; shape (...)."""
+    linear = transformation[..., :2, :2]
+    return np.arctan2(linear[..., 1, 0] - linear[..., 0, 1],
+                      linear[..., 0, 0] + linear[..., 1, 1])
+
+
+def scale(transformation: Array) -> Array:
+    """Return the square root of the area's change, shape (...)."""
+    return np.sqrt(np.abs(_determinant(transformation[..., :2, :2])))
+
+
+def stretch(transformation: Array) -> Array:
+    """Return the ratio of the linear parts' singular values, at least 1, shape (...)."""
+    linear = transformation[..., :2, :2]
+    # of [[p + q, s - r], [s + r, p - q]] the singular values are |(p, r)| +- |(q, s)|
+    even = np.hypot(linear[..., 0, 0] + linear[..., 1, 1], linear[..., 1, 0] - linear[..., 0, 1])
+    odd = np.hypot(linear[..., 0, 0] - linear[..., 1, 1], linear[..., 1, 0] + linear[..., 0, 1])
+    return (even + odd) / np.maximum(np.abs(even - odd), 1e-300)
+
+
+def bounds(transformation: Array, size: tuple[float, float]) -> Array:
+    """
+    Return the axis-aligned bounds of the images of a rectangle about the origin.
+
+    Parameters
+    ----------
+    transformation : ndarray, shape (..., 3, 3)
+    size : tuple of float
+        The rectangle's (width, height).
+
+    Returns
+    -------
+    ndarray, shape (..., 4), [px]
+        (centre x, centre y, width, height).
+
+    """
+    extent = np.abs(transformation[..., :2, :2] * np.array(size)).sum(-1)
+    return np.concatenate([transformation[..., :2, 2], extent], axis=-1)
+
+
+def from_vector(vector: Array) -> Array:
+    """
+    Return transformations from the geometric parameters of [Ross2008, sec. 4.1].
+
+    Parameters
+    ----------
+    vector : ndarray, shape (..., 6)
+        Logarithm of the scale, logarithm of the aspect ratio, rotation [rad], direction of the
+        skew [rad], x and y; `BASIS` has the same order.
+
+    Returns
+    -------
+    ndarray, shape (..., 3, 3)
+        Rotation by the third, after a stretch by the second along the fourth.
+
+    """
+    size, aspect, turn, direction, x, y = np.moveaxis(np.asarray(vector, float), -1, 0)
+    along = rotation(direction)
+    stretched = np.zeros_like(along)
+    stretched[..., 0, 0], stretched[..., 1, 1] = np.exp(size + aspect), np.exp(size - aspect)
+    result = np.zeros((*size.shape, 3, 3))
+    result[..., :2, :2] = rotation(turn - direction) @ stretched @ along
+    result[..., 0, 2], result[..., 1, 2], result[..., 2, 2] = x, y, 1
+    return result
+
+
+def rotation(turn: Array) -> Array:
+    """Return the matrices, shape (..., 2, 2), of rotations, [rad], of shape (...)."""
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return np.stack([np.stack([cosine, -sine], -1), np.stack([sine, cosine], -1)], -2)
+
+
+def _determinant(linear: Array) -> Array:
+    return linear[..., 0, 0] * linear[..., 1, 1] - linear[..., 0, 1] * linear[..., 1, 0]
+
+
+def _times(linear: Array, vectors: Array) -> Array:
+    result: Array = np.einsum('...ij,...j->...i', linear, vectors)
+    return result
+
+
+def _relative_exponential(z: _Complex) -> _Complex:
+    """Return (exp(z) - 1) / z, which is 1 at 0."""
+    zero = z == 0
+    return np.where(zero, 1.0, np.expm1(z) / np.where(zero, 1.0, z))
+
+
+def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
+    """
+    Return an analytic function of 2 x 2 matrices with real values on the real axis.
+
+    With eigenvalues m +- r and traceless part B, it's
+    (f(m + r) + f(m - r)) / 2 I + (f(m + r) - f(m - r)) / (2 r) B.
+    """
+    middle = (linear[..., 0, 0] + linear[..., 1, 1]) / 2
+    traceless = linear - middle[..., None, None] * np.eye(2)
+    radius: _Complex = np.sqrt(-_determinant(traceless) + 0j)
+    # where they're equal, a small step about them gives the derivative
+    radius = np.where(np.abs(radius) < _EQUAL, complex(_EQUAL), radius)
+    above, below = function(middle + radius), function(middle - radius)
+    even, odd = ((above + below) / 2).real, ((above - below) / (2 * radius)).real
+    result: Array = even[..., None, None] * np.eye(2) + odd[..., None, None] * traceless
+    return result
