@@ -9,6 +9,8 @@ import sys
 from types import FrameType
 from typing import Any
 
+from vtrack_ros.ros.dds_profile import receiving_profile
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the plain node until it's told to end; return the exit code."""
@@ -46,6 +48,7 @@ def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> in
     # A target is too small for the threads of a matrix product to pay; on a robot they only take
     # the time of others. Read when NumPy is loaded, which is later.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    os.environ.update(receiving_profile(os.environ))
     # ROS takes a while to load; a signal in that time must end the process as cleanly as later.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
@@ -60,6 +63,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
+    import gc
+
     import cv2
     import rclpy
     from rclpy.exceptions import ParameterException
@@ -74,6 +79,10 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
         except (ParameterException, TypeError, ValueError) as error:
             print(f'tracker: {error}', file=sys.stderr)
             return 2
+        # What is there now stays: a collector that looks through it all again stops the node for
+        # several frames of a fast camera.
+        gc.collect()
+        gc.freeze()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while rclpy.ok():

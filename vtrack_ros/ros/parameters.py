@@ -34,7 +34,7 @@ NODE_PARAMETERS = ParameterTable([
               'publisher offers.', choices=('auto', 'reliable', 'best_effort'), dynamic=False),
     Parameter('history_seconds', 2.0, 'How far back a stamped selection may reach.', 0.0, 30.0,
               's'),
-    Parameter('history_megabytes', 32.0, 'How much memory the frames kept for selections may '
+    Parameter('history_megabytes', 16.0, 'How much memory the frames kept for selections may '
               'take.', 0.0, 1024.0, 'MB'),
     Parameter('init_from_detections', False, 'Take the best detection of ~/init_detections as '
               'target when there is none, or when it is lost.'),
