@@ -11,9 +11,9 @@ import numpy as np
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.ros.images import fill_image
-from vtrack_ros.frame import Frame
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
@@ -77,9 +77,13 @@ def compressed_image(frame: Frame, stamp: int, frame_id: str, compression: str) 
     Parameters
     ----------
     frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        The pixels.
     stamp : int, [ns]
+        When they were taken.
     frame_id : str
+        The camera's frame.
     compression : {'png', 'jpeg'}
+        PNG is lossless, JPEG has quality 90.
 
     """
     options = [cv2.IMWRITE_JPEG_QUALITY, 90] if compression == 'jpeg' else []
@@ -99,8 +103,11 @@ def detections(
     Parameters
     ----------
     box : Box or None
+        In pixels of the image.
     stamp : int, [ns]
+        The image's.
     frame_id : str
+        The image's.
     angle : float, [rad]
         The rotation about the optical axis, which goes into the hypothesis' pose.
     score : float

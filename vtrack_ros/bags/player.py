@@ -86,7 +86,7 @@ class Player:
         self.topics = self._chosen(topics)
         for topic in self.topics:
             self._publishers[topic.name] = self._publisher(topic)
-            if topic.type in messages.IMAGE_TYPES:
+            if topic.message_type in messages.IMAGE_TYPES:
                 self._images.add(topic.name)
         self.stop = threading.Event()
 
@@ -186,11 +186,11 @@ class Player:
         playable = []
         for topic in chosen:
             try:
-                _message_class(topic.type)
+                _message_class(topic.message_type)
             except (AttributeError, ImportError):
-                package = topic.type.partition('/')[0]
-                self.skipped.append(f'{topic.name}: {topic.type} needs the package {package}, '
-                                    'which is not installed')
+                kind = topic.message_type
+                self.skipped.append(f'{topic.name}: {kind} needs the package '
+                                    f'{kind.partition("/")[0]}, which is not installed')
             else:
                 playable.append(topic)
         if not playable:
@@ -204,7 +204,7 @@ class Player:
             reliable = self._reliability == 'reliable'
         policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         return self._node.create_publisher(
-            _message_class(topic.type), self.published_name(topic.name),
+            _message_class(topic.message_type), self.published_name(topic.name),
             QoSProfile(depth=10, reliability=policy))
 
     def _clock_publisher(self) -> Any:

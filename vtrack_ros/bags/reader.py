@@ -41,7 +41,7 @@ class Topic:
     ----------
     name : str
         With a leading slash, as ROS writes it.
-    type : str
+    message_type : str
         Of its messages, such as ``sensor_msgs/msg/Image``.
     count : int
         How many messages there are.
@@ -51,7 +51,7 @@ class Topic:
     """
 
     name: str
-    type: str
+    message_type: str
     count: int
     reliable: bool = True
 
@@ -83,7 +83,7 @@ class RawMessage:
     """A message as the bag holds it: topic, type, reception in nanoseconds, and ROS 2 CDR."""
 
     topic: str
-    type: str
+    message_type: str
     received: int
     data: bytes | memoryview
 
@@ -135,7 +135,7 @@ class BagReader:
 
     @property
     def topics(self) -> dict[str, Topic]:
-        """The topics by name."""
+        """Return the topics by name."""
         found: dict[str, Topic] = {}
         for connection in self._reader.connections:
             earlier = found.get(connection.topic)
@@ -146,7 +146,7 @@ class BagReader:
 
     @property
     def duration(self) -> float:
-        """The time from the first message to the last, in seconds."""
+        """Return the time from the first message to the last, in seconds."""
         return max(0, self._reader.duration - 1) / 1e9
 
     def image_topic(self, name: str | None = None) -> Topic:
@@ -160,10 +160,11 @@ class BagReader:
 
         """
         images = [topic for topic in self.topics.values()
-                  if topic.type in messages.IMAGE_TYPES and topic.count]
+                  if topic.message_type in messages.IMAGE_TYPES and topic.count]
         listed = ', '.join(f'{topic.name} ({topic.count})' for topic in images)
         if not images:
-            others = ', '.join(f'{topic.name} ({topic.type})' for topic in self.topics.values())
+            others = ', '.join(
+                f'{topic.name} ({topic.message_type})' for topic in self.topics.values())
             raise BagError(f'{self.path} has no image topic with messages in it; it has {others}')
         if name is None:
             if len(images) > 1:
@@ -175,8 +176,9 @@ class BagReader:
             if topic.name == wanted:
                 return topic
         if wanted in self.topics:
-            raise BagError(f'{self.path}: topic {wanted} holds {self.topics[wanted].type}, no '
-                           f'images; image topics are {listed}')
+            raise BagError(f'{self.path}: topic {wanted} holds '
+                           f'{self.topics[wanted].message_type}, no images; image topics are '
+                           f'{listed}')
         raise BagError(f'{self.path} has no topic {wanted}; image topics are {listed}')
 
     def raw(self, topics: set[str] | None = None) -> Iterator[RawMessage]:
@@ -238,7 +240,7 @@ class BagReader:
         for number, raw in enumerate(self.raw({chosen.name})):
             message = self._deserialized(raw)
             try:
-                compressed = raw.type == messages.COMPRESSED_IMAGE
+                compressed = raw.message_type == messages.COMPRESSED_IMAGE
                 frame = compressed_to_frame(message) if compressed else to_frame(message)
             except ValueError as error:
                 text = f'{self.path}: image {number} of {chosen.name}: {error}'
@@ -257,7 +259,7 @@ class BagReader:
 
         """
         known = self.topics.get(topic)
-        if known is not None and known.type == messages.DETECTIONS:
+        if known is not None and known.message_type == messages.DETECTIONS:
             truth = {}
             for raw in self.raw({topic}):
                 message = self._deserialized(raw)
@@ -276,7 +278,7 @@ class BagReader:
 
     def _deserialized(self, raw: RawMessage) -> Any:
         try:
-            return messages.typestore().deserialize_cdr(raw.data, raw.type)
+            return messages.typestore().deserialize_cdr(raw.data, raw.message_type)
         except _BROKEN as error:
             raise self._broken(error, f'in a message of {raw.topic}') from error
 

@@ -25,6 +25,7 @@ def write_truth(path: Path, truth: Mapping[int, Box | None]) -> None:
     Parameters
     ----------
     path : Path
+        The file.
     truth : mapping
         Stamp in nanoseconds -> box, or None where the target is absent.
 

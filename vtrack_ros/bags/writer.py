@@ -115,9 +115,13 @@ class BagWriter:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The pixels.
         stamp : int, [ns]
+            When they were taken.
         topic : str
+            Without ``/compressed``.
         frame_id : str
+            The camera's frame.
 
         """
         if self._compression == 'none':

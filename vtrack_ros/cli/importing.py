@@ -19,8 +19,8 @@ EXAMPLES = """examples:
   vtrack import sequences/Crossing --out crossing        # img/ and groundtruth_rect.txt
   vtrack import holiday.mp4 --out holiday --compress jpeg
 
-Images are taken in the order of their names, 2.png before 10.png. A groundtruth_rect.txt beside them (one box
-x,y,width,height a line, NaN where the target is absent) becomes the bag's truth."""
+Images are taken in the order of their names, 2.png before 10.png. A groundtruth_rect.txt beside
+them (one box x,y,width,height a line, NaN where the target is absent) becomes the bag's truth."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Publish the bag; 0 also where a loop is ended by a signal, else 128 + the signal's number."""
+    """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
     with BagReader(arguments.bag) as bag:
         rclpy = _rclpy()
         context = rclpy.context.Context()
@@ -76,7 +76,8 @@ def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> int:
         for reason in player.skipped:
             print(f'vtrack play: left out {reason}', file=sys.stderr)
         for topic in player.topics:
-            print(f'{player.published_name(topic.name)}: {topic.count} {topic.type}', file=stream)
+            name = player.published_name(topic.name)
+            print(f'{name}: {topic.count} {topic.message_type}', file=stream)
         print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
         if arguments.wait and not player.wait_for_subscribers(arguments.wait) and not caught:
             print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',

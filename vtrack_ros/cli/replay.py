@@ -84,6 +84,9 @@ def _follow(arguments: argparse.Namespace, follower: Follower) -> int:
     with ExitStack() as stack:
         bag = stack.enter_context(BagReader(arguments.bag))
         topic, truth = bag.image_topic(arguments.topic), bag.truth()
+        if arguments.init is None and not any(truth.values()):
+            raise ValueError(f'{arguments.bag} does not say where the target is: '
+                             'give --init X,Y,WIDTH,HEIGHT')
         rate = None if arguments.no_video else _frame_rate(bag, topic.name)
         steps = replay(bag.frames(topic.name, malformed), follower, truth, arguments.init)
         results = stack.enter_context(BagWriter(_result_bag(arguments.out)))

@@ -67,7 +67,7 @@ def _demonstrate(options: argparse.Namespace) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
           f'{options.tracker}, seed {options.seed}')
-    compressed = topic.type == _COMPRESSED
+    compressed = topic.message_type == _COMPRESSED
     node = _node_arguments(options.tracker, options.seed, box, topic.name, compressed)
     player = [str(options.bag), '--topic', topic.name]
     bars: list[ProgressBar] = []

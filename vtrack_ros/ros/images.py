@@ -186,6 +186,7 @@ def fill_image(message: Any, frame: Frame, encoding: str | None = None) -> None:
     message : sensor_msgs/msg/Image
         Or anything with its attributes.
     frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        The pixels.
     encoding : str, optional
         One of `WRITABLE_ENCODINGS`; by default mono8 or bgr8, as the frame is.
 

@@ -85,7 +85,7 @@ def light_change(view: View, rng: np.random.Generator) -> Scene:
 
     def lamp(time: float, at_x: NDArray[np.float64],
              at_y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A lamp to the right brightens what is near it, and leaves the rest dark."""
+        """Brighten what is near a lamp to the right, and darken the rest."""
         near = np.exp(-((at_x - 260) / 130) ** 2 - ((at_y - 90) / 150) ** 2)
         return np.asarray(1 + slant(time) * (0.95 * near - 0.5))
 

@@ -83,7 +83,9 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
     Parameters
     ----------
     person : Person
+        Who walks.
     ground : Ground
+        Where.
     x, y : callable
         Time in frames -> world units.
     duration : float, [frames]

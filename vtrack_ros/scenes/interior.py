@@ -17,7 +17,9 @@ def office(view: View, rng: np.random.Generator, margin: float = 12.0,
     Parameters
     ----------
     view : View
+        What will be seen of it.
     rng : numpy.random.Generator
+        Varies books, textures and colours.
     margin : float
         How far it reaches beyond the view, for a camera that moves.
     size : float

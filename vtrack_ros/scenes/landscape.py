@@ -105,7 +105,9 @@ def valley(view: View, rng: np.random.Generator, reach: float) -> Canvas:
     Parameters
     ----------
     view : View
+        What will be seen of it.
     rng : numpy.random.Generator
+        Varies hills, houses and trees.
     reach : float
         In world units.
 

@@ -47,7 +47,8 @@ def park(view: View, ground: Ground, rng: np.random.Generator, margin: float = 1
                    * speckle(canvas, ground, 60, 0.07, rng)[..., None], 0, 255)
     depth = 0.5 * (ground.horizon + view.base_height)
     canvas.polygon([(canvas.left, depth - 14 * span), (canvas.right, depth + 2 * span),
-                    (canvas.right, depth + 30 * span), (canvas.left, depth + 10 * span)], path, 0.9)
+                    (canvas.right, depth + 30 * span), (canvas.left, depth + 10 * span)],
+                   path, 0.9)
     return canvas
 
 

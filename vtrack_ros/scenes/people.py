@@ -72,7 +72,8 @@ def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
     x = keyframes((0, 60), (55, 140), (78, 146), (95, 164), (125, 196), (170, 262))
     y = keyframes((0, 214), (55, 222), (125, 224), (170, 216))
     shade, walk = walker(target, ground, x, lambda time: y(time) + tremor(time), 170)
-    front = keyframes((0, 410), (60, 330), (99, 200), (108, 182), (120, 172), (140, 110), (170, 30))
+    front = keyframes((0, 410), (60, 330), (99, 200), (108, 182), (120, 172), (140, 110),
+                      (170, 30))
     near = keyframes((0, 244), (99, 239), (120, 240), (170, 252))
     front_shade, occluder = walker(alike, ground, front, near, 170, phase=0.4)
     back = keyframes((0, 20), (170, 330))
@@ -123,7 +124,7 @@ def football(view: View, rng: np.random.Generator) -> Scene:
 
     def shaded(time: float, at_x: NDArray[np.float64],
                at_y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The grandstand's shadow lies over the right side of the pitch."""
+        """Lay the grandstand's shadow over the right side of the pitch."""
         edge = (at_x + pan(time) - 285 - 0.25 * (at_y - 120)) / 6
         return np.asarray(1 - 0.36 / (1 + np.exp(-np.clip(edge, -30, 30))))
 
@@ -204,7 +205,7 @@ def low_light_noise(view: View, rng: np.random.Generator) -> Scene:
 
     def lamps(time: float, at_x: NDArray[np.float64],
               at_y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Two lamps hang above the floor; the lights of a car pass."""
+        """Light two places below lamps, and let the lights of a car pass."""
         pools = sum(np.exp(-((at_x - place) / 52) ** 2 - ((at_y - 150) / 90) ** 2)
                     for place in (40, 215))
         beam = glare(time) * np.exp(-((at_x - 40 - 12 * (time - 72)) / 70) ** 2)

@@ -80,6 +80,7 @@ def render(solids: Sequence[Ellipsoid], unit: float, ambient: float = 0.5) -> Sp
     Parameters
     ----------
     solids : sequence of Ellipsoid
+        In any order.
     unit : float, [px]
         How many pixels a length of 1 has in the sprite.
     ambient : float

@@ -73,7 +73,7 @@ class Sprite:
 
     @cached_property
     def outline(self) -> NDArray[np.float64]:
-        """The points where alpha crosses one half along rows and columns, shape (n, 2)."""
+        """Return where alpha crosses one half along rows and columns, shape (n, 2)."""
         alpha = np.pad(self.pixels[..., 3].astype(np.float64), 1)
         points = [_crossings(alpha), _crossings(alpha.T)[:, ::-1]]
         return np.concatenate(points) / self.unit + (self.left, self.top)

@@ -40,27 +40,27 @@ class View:
 
     @property
     def unit(self) -> float:
-        """How many pixels a length of 1 has."""
+        """Return how many pixels a length of 1 has."""
         return min(self.width / self.base_width, self.height / self.base_height)
 
     @property
     def left(self) -> float:
-        """The x of the left edge; negative where the frame is wider than the base."""
+        """Return the x of the left edge; negative where the frame is wider than the base."""
         return (self.base_width - self.width / self.unit) / 2
 
     @property
     def right(self) -> float:
-        """The x of the right edge."""
+        """Return the x of the right edge."""
         return self.base_width - self.left
 
     @property
     def top(self) -> float:
-        """The y of the upper edge; negative where the frame is higher than the base."""
+        """Return the y of the upper edge; negative where the frame is higher than the base."""
         return (self.base_height - self.height / self.unit) / 2
 
     @property
     def bottom(self) -> float:
-        """The y of the lower edge."""
+        """Return the y of the lower edge."""
         return self.base_height - self.top
 
     def canvas(self, margin: float = 0.0) -> Canvas:

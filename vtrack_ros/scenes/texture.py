@@ -24,9 +24,11 @@ def fractal_noise(
     Parameters
     ----------
     height, width : int, [px]
+        The size of the picture.
     cell : float, [px]
         The size of the largest structures.
     rng : numpy.random.Generator
+        Where the noise comes from.
     persistence : float
         How much weaker each octave is than the last.
 
@@ -68,6 +70,7 @@ def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
     Parameters
     ----------
     noise : ndarray of float32, shape (H, W)
+        Of standard deviation 1.
     colour : tuple of float
         Blue, green, red.
     contrast : float
@@ -90,10 +93,13 @@ def foliage(height: int, width: int, unit: float, rng: np.random.Generator,
     Parameters
     ----------
     height, width : int, [px]
+        The size of the picture.
     unit : float, [px]
         How many pixels a length of 1 has.
     rng : numpy.random.Generator
+        Varies everything.
     colour : tuple of float
+        Blue, green, red.
     leaf : float
         The length of a leaf.
 
@@ -124,10 +130,13 @@ def masonry(height: int, width: int, unit: float, rng: np.random.Generator,
     Parameters
     ----------
     height, width : int, [px]
+        The size of the picture.
     unit : float, [px]
         How many pixels a length of 1 has.
     rng : numpy.random.Generator
+        Varies everything.
     colour : tuple of float
+        Blue, green, red.
     brick : tuple of float
         Width and height of a brick.
 

@@ -83,8 +83,8 @@ def _car_faces(colour: Colour) -> list[_Face]:
     faces: list[_Face] = []
     for end in (-1, 1):
         for side in (-1, 1):
-            faces.append(_face(_upright(0.58 * side, 0.82 * side, 0.0, 0.5, 1.6 * end), (0, 0, end),
-                               dark))
+            wheel = _upright(0.58 * side, 0.82 * side, 0.0, 0.5, 1.6 * end)
+            faces.append(_face(wheel, (0, 0, end), dark))
     for side in (-1, 1):
         faces.append(_face([(0.87 * side, y, z) for z, y in _BODY], (side, 0, 0), colour))
         for z in (1.3, -1.3):

@@ -1,0 +1,132 @@
+"""Bags of image folders and of videos."""
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+from vtrack_ros.bags import BagError, BagReader  # noqa: E402
+from vtrack_ros.bags.importing import open_source  # noqa: E402
+from vtrack_ros.bags.recording import FIRST_STAMP, record  # noqa: E402
+from vtrack_ros.geometry import Box  # noqa: E402
+
+COUNT = 11
+
+
+def pictures(grey=False):
+    """Return small random pictures."""
+    shape = (20, 30) if grey else (20, 30, 3)
+    rng = np.random.default_rng(1)
+    return [rng.integers(0, 256, shape).astype(np.uint8) for _ in range(COUNT)]
+
+
+def write_folder(folder, names='{:04d}.png', grey=False):
+    """Write pictures under names of their number, from 1 on."""
+    folder.mkdir(parents=True)
+    for number, picture in enumerate(pictures(grey), start=1):
+        cv2.imwrite(str(folder / names.format(number)), picture)
+    return folder
+
+
+@pytest.mark.parametrize('separator', [',', '\t', ' ', ', '])
+@pytest.mark.parametrize('inner', ['img', ''])
+def test_sequence_folder(tmp_path, inner, separator):
+    """Pictures and boxes come through; NaN rows say that the target is absent."""
+    root = tmp_path / 'sequence'
+    write_folder(root / inner if inner else root)
+    boxes = [None if index == 4 else Box(index, 2.5, 7, 9) for index in range(COUNT)]
+    rows = [separator.join(['NaN'] * 4) if box is None else
+            separator.join(f'{value:g}' for value in box.as_array()) for box in boxes]
+    (root / 'groundtruth_rect.txt').write_text('\r\n'.join(rows) + '\n\n')
+    source = open_source(root)
+    assert record(source.frames(), tmp_path / 'bag', rate=20) == COUNT
+    with BagReader(tmp_path / 'bag') as bag:
+        images, truth = list(bag.frames()), bag.truth()
+    stamps = [FIRST_STAMP + index * 50_000_000 for index in range(COUNT)]
+    assert [image.stamp for image in images] == stamps
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, pictures()))
+    assert [truth[stamp] for stamp in stamps] == boxes
+
+
+def test_plain_folder(tmp_path):
+    """Without a truth there's none; 2 comes before 10; grey stays grey."""
+    source = open_source(write_folder(tmp_path / 'plain', 'shot {}.png', grey=True))
+    assert source.truth is None
+    found = [frame for frame, _ in source.frames()]
+    assert all(np.array_equal(frame, sent) for frame, sent in zip(found, pictures(grey=True)))
+    record(source.frames(), tmp_path / 'bag', with_truth=False)
+    with BagReader(tmp_path / 'bag') as bag:
+        assert list(bag.topics) == ['/image']
+        assert bag.truth() == {}
+
+
+def test_truth_can_be_chosen(tmp_path):
+    """Another file, or none."""
+    root = write_folder(tmp_path / 'sequence')
+    (root / 'groundtruth_rect.txt').write_text('1,2,3,4\n' * COUNT)
+    other = root / 'groundtruth_rect.2.txt'
+    other.write_text('5,6,7,8\n' * COUNT)
+    assert open_source(root).truth[0] == Box(1, 2, 3, 4)
+    assert open_source(root, other).truth[0] == Box(5, 6, 7, 8)
+    assert open_source(root, without_truth=True).truth is None
+
+
+def test_video(tmp_path):
+    """As many frames as were written, about as they were, at the video's rate."""
+    path = tmp_path / 'film.avi'
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'MJPG'), 12.5, (64, 48))
+    if not writer.isOpened():
+        pytest.skip('this OpenCV writes no AVI')
+    shades = [20 + 15 * index for index in range(COUNT)]
+    for shade in shades:
+        writer.write(np.full((48, 64, 3), shade, np.uint8))
+    writer.release()
+    source = open_source(path)
+    assert source.rate == 12.5
+    means = [frame.mean() for frame, truth in source.frames() if truth is None]
+    assert means == pytest.approx(shades, abs=4)
+    boxes = tmp_path / 'boxes.txt'
+    boxes.write_text('1,2,3,4\n' * COUNT)
+    assert {truth for _, truth in open_source(path, boxes).frames()} == {Box(1, 2, 3, 4)}
+    for rows, words in ((COUNT - 1, 'more frames'), (COUNT + 1, f'{COUNT} frames')):
+        boxes.write_text('1,2,3,4\n' * rows)
+        with pytest.raises(BagError, match=words):
+            list(open_source(path, boxes).frames())
+
+
+@pytest.mark.parametrize('truth, words', [
+    ('1,2,3,4\n' * (COUNT - 1), '10 rows.*11 images'), ('1,2,3\n' * COUNT, 'four numbers'),
+    ('a,b,c,d\n' * COUNT, 'four numbers'), ('', 'no boxes')])
+def test_truth_that_does_not_fit(tmp_path, truth, words):
+    """The message says what's wrong with it."""
+    root = write_folder(tmp_path / 'sequence')
+    (root / 'groundtruth_rect.txt').write_text(truth)
+    with pytest.raises(ValueError, match=words):
+        open_source(root)
+
+
+def test_nothing_to_import(tmp_path):
+    """Missing paths, empty folders, and files that are no video."""
+    (tmp_path / 'empty').mkdir()
+    (tmp_path / 'text.mp4').write_text('no video')
+    for name, words in (('missing', 'does not exist'), ('empty', 'no images'),
+                        ('text.mp4', 'neither')):
+        with pytest.raises(ValueError, match=words):
+            open_source(tmp_path / name)
+
+
+def test_broken_image(tmp_path):
+    """It's named, and no bag is left behind."""
+    root = write_folder(tmp_path / 'sequence')
+    (root / '0007.png').write_bytes(b'no picture')
+    with pytest.raises(BagError, match='0007.png'):
+        record(open_source(root).frames(), tmp_path / 'bag')
+    assert not (tmp_path / 'bag').exists()
+
+
+def test_real_sequence(sequences, tmp_path):
+    """A published sequence becomes a bag with all its frames and boxes."""
+    source = open_source(sequences / 'Crossing')
+    assert record(source.frames(), tmp_path / 'bag') == 120
+    with BagReader(tmp_path / 'bag') as bag:
+        assert len(list(bag.frames())) == len(bag.truth()) == 120

@@ -1,0 +1,154 @@
+"""Playing a bag over real DDS to another process."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+pytest.importorskip('rosbags', reason='needs rosbags')
+from rclpy.context import Context  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from rosgraph_msgs.msg import Clock  # noqa: E402
+from sensor_msgs.msg import Image  # noqa: E402
+
+from vtrack_ros.bags import BagReader  # noqa: E402
+from vtrack_ros.ros.images import stamp_nanoseconds, to_frame  # noqa: E402
+
+PATIENCE = 30.0
+
+
+class Listener:
+    """A node that keeps what it hears."""
+
+    def __init__(self):
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node('listener', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def hear(self, kind, topic, reliability=ReliabilityPolicy.RELIABLE):
+        """Subscribe; return the list of messages with the time of their arrival."""
+        heard = []
+        qos = QoSProfile(depth=1000, reliability=reliability)
+        self.node.create_subscription(
+            kind, topic, lambda message: heard.append((time.monotonic(), message)), qos)
+        return heard
+
+    def spin_until(self, condition, what):
+        """Spin until a condition holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, what
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def __enter__(self):
+        """Return the listener."""
+        return self
+
+    def __exit__(self, *_):
+        """Take the node down."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+
+def play(*arguments):
+    """Start a player."""
+    return subprocess.Popen(
+        [sys.executable, '-m', 'vtrack_ros.cli.main', 'play', *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
+
+
+def finish(player, number=None):
+    """Return exit code, output and errors of a player; send it a signal first, if one is given."""
+    if number is not None:
+        player.send_signal(number)
+    try:
+        out, err = player.communicate(timeout=PATIENCE)
+    finally:
+        player.kill()
+    assert 'Traceback' not in err, err
+    return player.returncode, out, err
+
+
+@pytest.mark.parametrize('bag, topic', [('face_fast', 'camera'), ('full_occlusion', 'image')])
+def test_every_image_arrives(repository, bag, topic):
+    """All images come, in order, with their stamps and pixels, at about the recorded pace."""
+    path = repository / 'bags' / bag
+    with BagReader(path) as reader:
+        expected = list(reader.frames())
+    with Listener() as listener:
+        heard = listener.hear(Image, topic)
+        player = play(path, '--topic', 'image', '--remap', f'image:={topic}', '--rate', 2,
+                      '--wait', PATIENCE, '--json')
+        listener.spin_until(lambda: len(heard) == len(expected) or player.poll() is not None,
+                            'not all images came')
+        listener.spin_until(lambda: len(heard) == len(expected), 'images are missing')
+        code, out, _ = finish(player)
+    assert code == 0
+    counts = json.loads(out)
+    assert counts['images'] == len(expected) == counts['messages'][f'/{topic}']
+    for (_, message), image in zip(heard, expected):
+        assert stamp_nanoseconds(message.header.stamp) == image.stamp
+        assert message.header.frame_id == image.frame_id
+        assert (to_frame(message) == image.frame).all()
+    # Never sooner than recorded; how much later is the machine's business.
+    assert counts['seconds'] >= (expected[-1].received - expected[0].received) / 2e9
+
+
+def test_clock_loop_and_best_effort(repository):
+    """The bag's time goes on air; a loop runs until it's stopped, and that is no failure."""
+    with Listener() as listener:
+        ticks = listener.hear(Clock, '/clock', ReliabilityPolicy.BEST_EFFORT)
+        heard = listener.hear(Image, 'image', ReliabilityPolicy.BEST_EFFORT)
+        player = play(repository / 'bags' / 'face_fast', '--loop', '--clock', 100, '--rate', 4,
+                      '--qos', 'best_effort', '--wait', PATIENCE)
+        listener.spin_until(lambda: len(heard) > 120 or player.poll() is not None, 'no loop')
+        code, out, _ = finish(player, signal.SIGINT)
+    assert code == 0
+    assert 'images in' in out.splitlines()[-1]
+    stamps = [stamp_nanoseconds(message.header.stamp) for _, message in heard]
+    assert any(later < earlier for earlier, later in zip(stamps, stamps[1:]))
+    times = [stamp_nanoseconds(message.clock) for _, message in ticks]
+    assert min(times) >= min(stamps) and max(times) <= max(stamps)
+    steps = {later - earlier for earlier, later in zip(times, times[1:]) if later > earlier}
+    # A hundred times a second, four times as fast: every 40 ms of the bag.
+    assert min(steps) == 40_000_000
+
+
+def test_signal_ends_it(repository):
+    """Ctrl-C in mid-play: 130, a last word, no traceback."""
+    player = play(repository / 'bags' / 'full_occlusion', '--rate', 0.01, '--wait', 0)
+    for line in player.stdout:
+        if line.startswith(str(repository)):
+            break
+    code, out, _ = finish(player, signal.SIGINT)
+    assert code == 130
+    assert out.startswith('published')
+
+
+def test_nobody_listens(repository):
+    """It's said, and the bag is played all the same."""
+    code, out, _ = finish(play(repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0.1,
+                               '--remap', 'image:=nobody/hears/this'))
+    assert code == 0
+    assert 'nobody has subscribed' in out
+    assert 'published 50 images' in out.splitlines()[-1]
+
+
+@pytest.mark.parametrize('arguments, words', [
+    (['--topic', 'nothing'], '/image, /truth'), (['--rate', '0'], 'above 0'),
+    (['--remap', 'a=b'], 'FROM:=TO')])
+def test_wrong_arguments(repository, arguments, words):
+    """One line and exit code 2."""
+    code, out, err = finish(play(repository / 'bags' / 'face_fast', *arguments))
+    assert code == 2
+    assert len(err.splitlines()) == 1 and words in err

@@ -1,0 +1,224 @@
+"""Replaying a bag: the same boxes every time, and the figures that belong to them."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+from vtrack_ros.bags import BagError, BagReader, BagWriter, messages, StampedFrame  # noqa: E402
+from vtrack_ros.bags.replay import Figures, replay, Scoring, Step  # noqa: E402
+from vtrack_ros.cli.main import main  # noqa: E402
+from vtrack_ros.follower import Follower  # noqa: E402
+from vtrack_ros.geometry import Box  # noqa: E402
+from vtrack_ros.trackers import Estimate, TrackState  # noqa: E402
+
+STEP = 40_000_000
+
+
+@pytest.fixture(scope='module')
+def face(repository):
+    """Return the frames and the truth of the face bag."""
+    with BagReader(repository / 'bags' / 'face_fast') as bag:
+        return list(bag.frames()), bag.truth()
+
+
+def rows_of(folder):
+    """Return the rows of a result table."""
+    with (folder / 'results.csv').open(newline='') as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize('tracker', ['pf', 'gmpf'])
+def test_bit_for_bit(repository, tmp_path, tracker, capsys):
+    """Two runs write the same bytes; another seed others; a loop by hand the same numbers."""
+    path = repository / 'bags' / 'face_fast'
+    for name, seed in (('one', 3), ('two', 3), ('other', 4)):
+        assert main(['replay', str(path), '--tracker', tracker, '--seed', str(seed), '--out',
+                     str(tmp_path / name), '--no-video']) == 0
+    contents = {name: (tmp_path / name / 'results.csv').read_bytes()
+                for name in ('one', 'two', 'other')}
+    assert contents['one'] == contents['two'] != contents['other']
+    bags = [(tmp_path / name / 'bag' / 'bag.mcap').read_bytes() for name in ('one', 'two')]
+    assert bags[0] == bags[1]
+
+    with BagReader(path) as bag:
+        images, truth = list(bag.frames()), bag.truth()
+    follower = Follower(tracker, seed=3)
+    estimates = [follower.start(images[0].frame, images[0].stamp, truth[images[0].stamp])]
+    estimates += [follower.update(image.frame, image.stamp) for image in images[1:]]
+    rows = rows_of(tmp_path / 'one')
+    assert len(rows) == len(estimates) == 50
+    for row, image, estimate in zip(rows, images, estimates):
+        assert int(row['stamp_ns']) == image.stamp
+        numbers = [float(row[name]) for name in ('x', 'y', 'width', 'height')]
+        assert numbers == estimate.box.as_array().tolist()
+        assert float(row['angle']) == estimate.angle
+        assert float(row['confidence']) == estimate.confidence
+        assert row['state'] == estimate.state.value
+
+
+def test_result_bag(repository, tmp_path, capsys):
+    """It has detections and poses with the images' headers, of the boxes in the table."""
+    main(['replay', str(repository / 'bags' / 'full_occlusion'), '--out', str(tmp_path),
+          '--json', '--no-video'])
+    figures = json.loads(capsys.readouterr().out)
+    rows = rows_of(tmp_path)
+    with BagReader(tmp_path / 'bag') as bag:
+        assert bag.topics['/detections'].count == len(rows) == 100
+        assert bag.topics['/pose'].count == figures['frames_tracked']
+        found = bag.truth('/detections')
+        poses = [messages.typestore().deserialize_cdr(raw.data, raw.message_type)
+                 for raw in bag.raw({'/pose'})]
+    tracked = [row for row in rows if row['state'] == 'tracking']
+    assert len(tracked) == figures['frames_tracked']
+    for row in rows:
+        box = found[int(row['stamp_ns'])]
+        if row['state'] != 'tracking':
+            assert box is None
+        else:
+            assert box.as_array() == pytest.approx(
+                [float(row[name]) for name in ('x', 'y', 'width', 'height')], abs=1e-9)
+    for row, message in zip(tracked, poses):
+        center = (float(row['x']) + float(row['width']) / 2,
+                  float(row['y']) + float(row['height']) / 2)
+        assert (message.pose.position.x, message.pose.position.y) == pytest.approx(center)
+        assert message.header.frame_id == 'camera_optical_frame'
+
+
+def test_figures_are_those_of_the_table(repository, tmp_path, capsys):
+    """Overlap and error, computed again from the files."""
+    path = repository / 'bags' / 'full_occlusion'
+    assert main(['replay', str(path), '--out', str(tmp_path), '--json', '--no-video']) == 0
+    figures = json.loads(capsys.readouterr().out)
+    with BagReader(path) as bag:
+        truth = bag.truth()
+    overlaps, errors = [], []
+    for row in rows_of(tmp_path):
+        box = truth[int(row['stamp_ns'])]
+        if box is None:
+            continue
+        if row['state'] != 'tracking':
+            overlaps.append(0.0)
+            continue
+        mine = Box(*(float(row[name]) for name in ('x', 'y', 'width', 'height')))
+        overlaps.append(mine.iou(box))
+        errors.append(mine.center_distance(box))
+    assert figures['frames'] == 100
+    assert figures['mean_iou'] == pytest.approx(np.mean(overlaps), abs=1e-9)
+    assert figures['centre_error_px'] == pytest.approx(np.mean(errors), abs=1e-9)
+    assert figures['fps'] == pytest.approx(1000 / figures['ms_per_frame'])
+
+
+def test_pictures(repository, tmp_path, capsys):
+    """The video has every frame, the sheet sixteen; a second run replaces the first."""
+    cv2 = pytest.importorskip('cv2')
+    for _ in range(2):
+        assert main(['replay', str(repository / 'bags' / 'face_fast'), '--tracker', 'pf',
+                     '--out', str(tmp_path)]) == 0
+    video = cv2.VideoCapture(str(tmp_path / 'video.mp4'))
+    count = 0
+    while video.read()[0]:
+        count += 1
+    assert count == 50
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(25)
+    sheet = cv2.imread(str(tmp_path / 'contact_sheet.png'))
+    assert sheet.shape[0] > 4 * 96 and sheet.shape[1] > 4 * 128
+
+
+def test_parameters(repository, tmp_path, capsys):
+    """What's set is in force: fewer particles give other boxes."""
+    path = str(repository / 'bags' / 'face_fast')
+    for name, values in (('plain', []), ('set', ['--set', 'particles=30'])):
+        assert main(['replay', path, '--tracker', 'pf', '--out', str(tmp_path / name),
+                     '--no-video', *values]) == 0
+    assert rows_of(tmp_path / 'plain') != rows_of(tmp_path / 'set')
+
+
+def test_begins_where_the_truth_begins(face):
+    """Until the first true box there is no target."""
+    images, truth = face
+    late = {stamp: None if index < 7 else box for index, (stamp, box) in enumerate(truth.items())}
+    steps = list(replay(images, Follower('pf'), late))
+    assert [step.estimate is None for step in steps] == [True] * 7 + [False] * 43
+    assert [step.started for step in steps].index(True) == 7
+    assert steps[7].estimate.box.iou(late[images[7].stamp]) > 0.99
+
+
+def test_box_says_where(face):
+    """A box serves in place of the truth, from the first image on."""
+    images, truth = face
+    first = truth[images[0].stamp]
+    one = list(replay(images[:10], Follower('pf', 1), truth))
+    two = list(replay(images[:10], Follower('pf', 1), {}, first))
+    assert [step.estimate.box for step in one] == [step.estimate.box for step in two]
+
+
+def test_nothing_says_where(face):
+    """That's an error, not an empty result; so is a box beyond the image."""
+    images, _ = face
+    with pytest.raises(BagError, match='--init'):
+        list(replay(images[:3], Follower('pf'), {}))
+    with pytest.raises(BagError, match='no pixel inside'):
+        list(replay(images[:3], Follower('pf'), {}, Box(1000, 0, 5, 5)))
+
+
+def test_stamps_that_go_backwards(face):
+    """A bag that was recorded from a loop begins anew, with the same boxes."""
+    images, truth = face
+    steps = list(replay([*images[:12], *images[:12]], Follower('gmpf', 5), truth))
+    assert [step.started for step in steps] == 2 * ([True] + [False] * 11)
+    boxes = [step.estimate.box for step in steps]
+    assert boxes[:12] == boxes[12:]
+
+
+def test_size_that_changes(face):
+    """The target is lost for good, and the replay goes on."""
+    images, truth = face
+    small = [StampedFrame(image.stamp, image.received, '', image.frame[:80, :100].copy())
+             for image in images[5:8]]
+    steps = list(replay([*images[:5], *small], Follower('pf'), truth))
+    assert [step.estimate is None for step in steps] == [False] * 5 + [True] * 3
+
+
+def test_malformed_images_are_told(tmp_path, face, capsys):
+    """They're left out, named and counted; the rest is followed."""
+    images, truth = face
+    with BagWriter(tmp_path / 'bag') as writer:
+        for index, image in enumerate(images[:10]):
+            message = messages.image(image.frame, image.stamp, 'eye')
+            if index == 4:
+                message.data = message.data[:-7]
+            writer.write('/image', message, image.stamp)
+            writer.write_truth(truth[image.stamp], image.stamp)
+    assert main(['replay', str(tmp_path / 'bag'), '--tracker', 'pf', '--out',
+                 str(tmp_path / 'out'), '--json']) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)['frames_malformed'] == 1
+    assert json.loads(printed.out)['frames'] == 9
+    assert 'image 4 of /image' in printed.err
+
+
+def step(stamp, box, state=TrackState.TRACKING, started=False, milliseconds=2.0):
+    """Return a made-up step."""
+    image = StampedFrame(stamp, stamp, '', np.zeros((4, 4), np.uint8))
+    estimate = None if box is None else Estimate(box, 0.0, np.eye(4), 1.0, state)
+    return Step(image, estimate, milliseconds, started)
+
+
+def test_scoring():
+    """Waiting frames don't count, predictions overlap nothing, absent targets don't matter."""
+    truth = {0: Box(0, 0, 2, 2), 1: Box(0, 0, 4, 4), 2: Box(1, 1, 2, 2), 3: None,
+             4: Box(0, 0, 2, 2)}
+    scoring = Scoring(truth)
+    scoring.add(step(0, None))
+    scoring.add(step(1, Box(0, 0, 4, 4), started=True, milliseconds=100.0))
+    scoring.add(step(2, Box(2, 1, 2, 2)))
+    scoring.add(step(3, Box(0, 0, 9, 9), milliseconds=4.0))
+    scoring.add(step(4, Box(0, 0, 2, 2), TrackState.SEARCHING, milliseconds=6.0))
+    expected = Figures(4, 3, 0, (1 + 1 / 3 + 0) / 3, 0.5, 4.0)
+    assert scoring.figures() == expected
+    assert math.isclose(expected.frames_per_second, 250)
+    assert Scoring({}).figures().mean_iou is None

@@ -1,0 +1,191 @@
+"""The command line: what it makes, and what it says to wrong arguments."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+from vtrack_ros.bags import BagReader, BagWriter  # noqa: E402
+from vtrack_ros.cli.main import main  # noqa: E402
+from vtrack_ros.scenes import render, scene_names  # noqa: E402
+
+COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate')
+
+
+def complaint(arguments, capsys):
+    """Run a command line that is wrong; return what it says."""
+    code = main([str(argument) for argument in arguments])
+    printed = capsys.readouterr()
+    assert code == 2, printed.err
+    assert printed.out == ''
+    lines = printed.err.splitlines()
+    assert len(lines) == 1, printed.err
+    return lines[0]
+
+
+def test_help(capsys):
+    """The overview names every command; each has its own page with examples."""
+    assert main(['--help']) == 0
+    overview = capsys.readouterr().out
+    for name in COMMANDS:
+        assert f'\n  {name} ' in overview
+        assert main([name, '--help']) == 0
+        page = capsys.readouterr().out
+        assert page.startswith(f'usage: vtrack {name}')
+    for name in ('synth', 'import', 'play', 'replay'):
+        main([name, '--help'])
+        assert f'  vtrack {name} ' in capsys.readouterr().out
+
+
+def test_help_needs_no_heavy_import():
+    """The overview comes without NumPy, OpenCV or rosbags."""
+    code = ('import sys; from vtrack_ros.cli.main import main; main(["--help"]); '
+            'sys.exit(bool({"numpy", "cv2", "rosbags", "rclpy"} & set(sys.modules)))')
+    assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
+
+
+@pytest.mark.parametrize('arguments, words', [
+    ([], 'synth, import, play, replay'),
+    (['sinth'], 'did you mean synth?'),
+    (['frobnicate'], 'valid are synth'),
+    (['--loud'], 'unknown command'),
+    (['synth'], 'face_fast, football'),
+    (['synth', 'face_fast'], '--out'),
+    (['synth', 'face_slow', '--out', 'x'], 'face_fast, football'),
+    (['synth', 'face_fast', '--out', 'x', '--size', '640'], '640x480'),
+    (['synth', 'face_fast', '--out', 'x', '--size', '9999x9999'], '1920x1080'),
+    (['synth', 'face_fast', '--out', 'x', '--frames', '0'], 'from 1 on'),
+    (['synth', 'face_fast', '--out', 'x', '--rate', 'nan'], 'above 0'),
+    (['synth', 'face_fast', '--out', 'x', '--seed', '-1'], 'from 0'),
+    (['synth', 'face_fast', '--out', 'x', '--format', 'zip'], 'mcap'),
+    (['synth', 'face_fast', '--out', 'x', '--colour', 'red'], '--colour'),
+    (['import', 'pictures'], '--out'),
+    (['import', 'no/such/folder', '--out', 'x'], 'does not exist'),
+    (['play'], 'BAG'),
+    (['play', 'no/such/bag'], 'does not exist'),
+    (['replay', 'no/such/bag', '--out', 'x'], 'does not exist'),
+    (['replay', 'no/such/bag'], '--out'),
+    (['replay', 'b', '--tracker', 'magic', '--out', 'x'], 'gmpf'),
+    (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'colour=red'], 'particles'),
+    (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles=many'], 'integer'),
+    (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles=0'], 'from'),
+    (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles'], 'NAME=VALUE'),
+    (['replay', 'b', '--out', 'x', '--init', '1,2,3'], 'X,Y,WIDTH,HEIGHT'),
+    (['replay', 'b', '--out', 'x', '--init', '1,2,3,-4'], 'positive'),
+    (['replay', 'b', '--out', 'x', '--init', '1,2,3,nan'], 'finite'),
+])
+def test_wrong_arguments(arguments, words, tmp_path, monkeypatch, capsys):
+    """One line that says what is valid, exit code 2, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    assert words in complaint(arguments, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_bags(tmp_path, repository: Path, capsys):
+    """A bag without truth, and one with two image topics, need to be told more."""
+    picture = np.zeros((20, 30, 3), np.uint8)
+    with BagWriter(tmp_path / 'two') as writer:
+        for topic in ('/left', '/right'):
+            writer.write_frame(picture, 10 ** 9, topic)
+    out = ['--out', tmp_path / 'out']
+    assert '--topic' in complaint(['replay', tmp_path / 'two', *out], capsys)
+    assert '--init' in complaint(['replay', tmp_path / 'two', '--topic', 'left', *out], capsys)
+    beyond = ['--topic', 'left', '--init', '90,90,5,5']
+    assert 'no pixel' in complaint(['replay', tmp_path / 'two', *out, *beyond], capsys)
+
+
+def test_list(capsys):
+    """Every scene has a line with its size and length."""
+    assert main(['synth', '--list']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(scene_names())
+    assert '128x96' in lines[0] and ' 50 frames' in lines[0]
+
+
+@pytest.mark.parametrize('options, storage', [
+    ([], '.mcap'), (['--format', 'sqlite3'], '.db3'), (['--compress', 'png'], '.mcap')])
+def test_synth(tmp_path, options, storage, capsys):
+    """The bag has the scene's frames at the rate, and its truth; twice the same bytes."""
+    for name in ('one', 'two'):
+        assert main(['synth', 'face_fast', '--out', str(tmp_path / name), '--frames', '5',
+                     '--rate', '50', '--seed', '2', '--size', '160x120', *options]) == 0
+    with BagReader(tmp_path / 'one') as bag:
+        images, truth = list(bag.frames()), bag.truth()
+    shots = list(render('face_fast', (160, 120), 5, 2))
+    assert len(images) == 5
+    for image, shot in zip(images, shots):
+        assert np.array_equal(image.frame, shot.frame)
+        assert truth[image.stamp].as_array() == pytest.approx(shot.truth.as_array(), abs=1e-9)
+    assert np.diff([image.stamp for image in images]).tolist() == [20_000_000] * 4
+    files = [next((tmp_path / name).glob('*' + storage)) for name in ('one', 'two')]
+    if storage == '.mcap':
+        content = [file.read_bytes().replace(b'two.mcap', b'one.mcap') for file in files]
+        assert content[0] == content[1]
+
+
+def test_existing_bag_is_kept(tmp_path, capsys):
+    """A second time, the path is refused."""
+    arguments = ['synth', 'face_fast', '--frames', '1', '--out', str(tmp_path / 'bag')]
+    assert main(arguments) == 0
+    capsys.readouterr()
+    assert main(arguments) == 2
+    assert 'exists already' in capsys.readouterr().err
+
+
+def test_parameters_are_listed(capsys):
+    """With default, range and description."""
+    assert main(['replay', '-', '--tracker', 'pf', '--list-parameters']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith('particles = ') and 'integer from' in line for line in lines)
+
+
+def command(*arguments, **options):
+    """Start vtrack in a process of its own."""
+    return subprocess.Popen([sys.executable, '-m', 'vtrack_ros.cli.main', *arguments],
+                            stderr=subprocess.PIPE, text=True, env=dict(os.environ), **options)
+
+
+def test_interrupted(tmp_path):
+    """Ctrl-C: 130, no traceback, no half bag."""
+    process = command('synth', 'helicopter', '--out', str(tmp_path / 'bag'),
+                      start_new_session=True)
+    # The first line of progress says that it's in the midst of it.
+    assert 'frames' in process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    assert 'Traceback' not in process.communicate(timeout=30)[1]
+    assert process.returncode == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_closed_pipe():
+    """A reader that goes away is no reason for a traceback."""
+    read, write = os.pipe()
+    os.close(read)
+    process = command('synth', '--list', stdout=write)
+    os.close(write)
+    assert process.communicate(timeout=30)[1] == ''
+    assert process.returncode == 141
+
+
+def test_import_then_replay(tmp_path, capsys):
+    """A folder becomes a bag, and the bag a result."""
+    cv2 = pytest.importorskip('cv2')
+    folder = tmp_path / 'pictures'
+    folder.mkdir()
+    rows = []
+    for shot in render('face_fast', frames=8):
+        cv2.imwrite(str(folder / f'{shot.index:03d}.png'), shot.frame)
+        rows.append(','.join(f'{value:.2f}' for value in shot.truth.as_array()))
+    (folder / 'groundtruth_rect.txt').write_text('\n'.join(rows))
+    bag, out = tmp_path / 'bag', tmp_path / 'out'
+    assert main(['import', str(folder), '--out', str(bag), '--rate', '10']) == 0
+    assert '8 frames at 10 Hz, with truth' in capsys.readouterr().out
+    assert main(['replay', str(bag), '--tracker', 'pf', '--out', str(out)]) == 0
+    assert 'mean IoU' in capsys.readouterr().out
+    assert {path.name for path in out.iterdir()} == {
+        'results.csv', 'bag', 'video.mp4', 'contact_sheet.png'}
