@@ -49,11 +49,13 @@ def oriented_gradients(grey: Frame, cell: int = 4) -> NDArray[np.float32]:
     angle *= np.float32(_SIGNED / (2 * np.pi))
     angle += np.float32(0.5)
     index = angle.astype(np.int32)
-    index[index >= _SIGNED] -= _SIGNED
     index += _first_bins(rows, columns, cell)
-    histogram = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * _SIGNED)
+    counted = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * (_SIGNED + 1))
+    histogram = counted.reshape(rows, columns, _SIGNED + 1)
     result = np.empty((rows, columns, CHANNELS), np.float32)
-    result[:, :, :_SIGNED] = histogram.reshape(rows, columns, _SIGNED)
+    result[:, :, :_SIGNED] = histogram[:, :, :_SIGNED]
+    # angles that round up to a full turn are in a bin of their own
+    result[:, :, 0] += histogram[:, :, _SIGNED]
     unsigned = result[:, :, _SIGNED:]
     np.add(result[:, :, :_UNSIGNED], result[:, :, _UNSIGNED:_SIGNED], out=unsigned)
     energy = np.einsum('ijk,ijk->ij', unsigned, unsigned)
@@ -69,4 +71,4 @@ def _first_bins(rows: int, columns: int, cell: int) -> NDArray[np.int32]:
     """Return each pixel's first bin, shape (rows * cell, columns * cell)."""
     of_row = (np.arange(rows * cell) // cell)[:, None] * columns
     of_column = (np.arange(columns * cell) // cell)[None, :]
-    return ((of_row + of_column) * _SIGNED).astype(np.int32)
+    return ((of_row + of_column) * (_SIGNED + 1)).astype(np.int32)

@@ -30,9 +30,9 @@ class ScaleFilter:
     grid : ndarray, shape (2, scales * rows, columns)
         Sample points (x, y) of all scales, one below the other, in units of the target's size
         from its centre.
-    numerator : ndarray of complex64, shape (scales, features)
-    denominator : ndarray of float32, shape (scales,)
-    label : ndarray of complex64, shape (scales,)
+    numerator : ndarray of complex64, shape (scales // 2 + 1, features)
+    denominator : ndarray of float32, shape (scales // 2 + 1,)
+    label : ndarray of complex64, shape (scales // 2 + 1,)
     taper : ndarray of float32, shape (scales, 1)
 
     """
@@ -57,8 +57,8 @@ class ScaleFilter:
         shape = (scales, rows, columns)
         grid = np.stack([np.broadcast_to(axis, shape).reshape(-1, columns) for axis in (x, y)])
         label = np.exp(-0.5 * (steps / (scales / 16))**2).astype(np.float32)
-        return cls(factors, grid.astype(np.float32), np.zeros((scales, 1), np.complex64),
-                   np.zeros(scales, np.float32), scipy.fft.fft(label),
+        return cls(factors, grid.astype(np.float32), np.zeros((scales // 2 + 1, 1), np.complex64),
+                   np.zeros(scales // 2 + 1, np.float32), scipy.fft.rfft(label),
                    np.hanning(scales + 2)[1:-1, None].astype(np.float32))
 
     def transform(self, grey: Frame, center: tuple[float, float],
@@ -78,7 +78,7 @@ class ScaleFilter:
         y = self.grid[1] * np.float32(size[1]) + np.float32(center[1] - 0.5)
         stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         features = oriented_gradients(stack, _CELL).reshape(len(self.factors), -1)
-        spectrum: NDArray[np.complex64] = scipy.fft.fft(features * self.taper, axis=0)
+        spectrum: NDArray[np.complex64] = scipy.fft.rfft(features * self.taper, axis=0)
         return spectrum
 
     def learned(self, spectrum: NDArray[np.complex64], rate: float,
@@ -87,7 +87,8 @@ class ScaleFilter:
         label = self.label
         if shift:
             label = label * np.exp(
-                -2j * np.pi * shift * scipy.fft.fftfreq(len(label))).astype(np.complex64)
+                -2j * np.pi * shift * np.arange(len(label)) / len(self.factors)
+            ).astype(np.complex64)
         numerator = np.conj(label)[:, None] * spectrum
         denominator = np.einsum('sf,sf->s', spectrum.real, spectrum.real)
         denominator += np.einsum('sf,sf->s', spectrum.imag, spectrum.imag)
@@ -100,8 +101,8 @@ class ScaleFilter:
     def response(self, spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Return the response to each factor, shape (scales,)."""
         correlated = np.einsum('sf,sf->s', self.numerator.conj(), spectrum)
-        response: NDArray[np.float32] = scipy.fft.ifft(
-            correlated / (self.denominator + np.float32(_REGULARISATION))).real
+        response: NDArray[np.float32] = scipy.fft.irfft(
+            correlated / (self.denominator + np.float32(_REGULARISATION)), len(self.factors))
         return response
 
     def peak(self, response: NDArray[np.float32]) -> tuple[float, float]:

@@ -16,7 +16,8 @@ from vtrack_ros.appearance.scale import ScaleFilter
 from vtrack_ros.appearance.window import sample_window
 from vtrack_ros.frame import Frame
 
-_CELL = 4
+#: Side of a cell, in samples.
+_CELL = 3
 #: Cells of the window, all together.
 _CELLS = 24 * 24
 #: Width of the surroundings in the window, as a share of the target's mean side.
@@ -81,9 +82,9 @@ class View:
     ----------
     center, size : tuple of float, [px]
         The window's centre in the frame, and the size of a target that fills its middle.
-    pixels : ndarray of uint8, shape (4 * rows, 4 * columns[, 3])
+    pixels : ndarray of uint8, shape (3 * rows, 3 * columns[, 3])
         The colours.
-    grey : ndarray of uint8, shape (4 * rows, 4 * columns)
+    grey : ndarray of uint8, shape (3 * rows, 3 * columns)
         The image.
     small : ndarray of uint8, shape (2 * rows, 2 * columns[, 3])
     features : ndarray of float32, shape (rows, columns, channels)
@@ -131,11 +132,14 @@ class TargetModel:
         return empty.learned(view, empty.transform(view)).learned_scale(scales, 0.0)
 
     def view(self, frame: Frame, center: Point, size: Point) -> View:
-        """Describe the window about a target of that centre and size, in pixels."""
+        """Describe the window of whole pixels about a target of that centre and size, in pixels."""
         layout = self.layout
+        width, height = (max(1, round(side * reach)) for side, reach in zip(size, layout.reach))
+        center = (round(center[0] - width / 2) + width / 2,
+                  round(center[1] - height / 2) + height / 2)
+        size = width / layout.reach[0], height / layout.reach[1]
         pixels = sample_window(
-            frame, center, (size[0] * layout.reach[0], size[1] * layout.reach[1]),
-            (layout.rows * _CELL, layout.columns * _CELL))
+            frame, center, (width, height), (layout.rows * _CELL, layout.columns * _CELL))
         colour = pixels.ndim == 3
         grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if colour else pixels
         small = cv2.resize(pixels, (layout.columns * 2, layout.rows * 2),

@@ -198,7 +198,7 @@ class GreyProposal(Proposal):
             belief = replace(belief, states=model.transition(belief.states, dt, belief.time))
         centre = forecast if self.spread == 'forecast' else belief.mean
         covariance = belief.spread_about(centre)
-        covariance += self.floor * model.process_noise(dt)
+        covariance += self.floor * model.process_error(dt).covariance
         try:
             return GaussianNoise.from_covariance(covariance)
         except ValueError:

@@ -260,11 +260,11 @@ class DiscriminativeTarget:
         self._frames += 1
         if self._frames % _SCALE_EVERY == 0:
             factor, steps, scales = model.growth(view, shift)
-            size = _bounded((live.size[0] * factor, live.size[1] * factor), self._first_size)
+            size = _bounded((view.size[0] * factor, view.size[1] * factor), self._first_size)
             model = model.learned_scale(scales, steps)
         if not model.is_centred(shift):
-            view, shift = model.view(frame, center, size), (0.0, 0.0)
-            spectrum = model.transform(view)
+            view = model.view(frame, center, size)
+            spectrum, shift = model.transform(view), (0.0, 0.0)
         model = model.learned(view, spectrum, shift)
         self.likeness = self._first.likeness(spectrum, shift)
         return replace(live, model=model, center=center, size=size)
@@ -368,9 +368,9 @@ def _sighting(hypothesis: Hypothesis, frame: Frame, center: Point) -> Sighting:
     spectrum = model.transform(view)
     evidence = model.evidence(view, spectrum)
     peak, x, y = subcell_peak(evidence)
-    cell = model.layout.cell(hypothesis.size)
-    place = (center[0] + (x - model.layout.columns // 2) * cell[0],
-             center[1] + (y - model.layout.rows // 2) * cell[1])
+    cell = model.layout.cell(view.size)
+    place = (view.center[0] + (x - model.layout.columns // 2) * cell[0],
+             view.center[1] + (y - model.layout.rows // 2) * cell[1])
     return Sighting(view, spectrum, evidence, peak, place, cell)
 
 

@@ -57,11 +57,12 @@ class ParticleTracker(Tracker):
 
     The state is (cx, cy, vx, vy), and (w, h) beside it in the paper preset, in pixels and frames;
     it moves at nearly constant velocity [Zhu2012, eq. 19]. In the default preset the size is the
-    scale filter's. A subclass gives the proposal.
+    scale filter's. A subclass gives the proposal, and says whether a measurement steers it.
     """
 
     PARAMETERS = PARTICLE_PARAMETERS
     _kernel = 'flat'
+    _steered = False
     _filter: ParticleFilter
 
     @abstractmethod
@@ -102,7 +103,7 @@ class ParticleTracker(Tracker):
         predicted[:2] += dt * belief.mean[2:4]
         measured = self._observation.look(frame, self._box, predicted)
         center, error = None, None
-        if measured is not None:
+        if measured is not None and self._steered:
             center, error = measured.center, GaussianNoise.from_covariance(measured.covariance)
         step = self._filter.step(
             center, dt, lambda states: self._observation.log_likelihood(self._boxes(states)),
@@ -209,6 +210,7 @@ class KalmanParticleFilter(ParticleTracker):
 
     NAME = 'kpf'
     SUMMARY = 'Kalman particle filter (KPF)'
+    _steered = True
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         return GaussianFilterProposal(KalmanFilter(model))
@@ -219,6 +221,7 @@ class UnscentedParticleFilter(ParticleTracker):
 
     NAME = 'upf'
     SUMMARY = 'unscented particle filter (UPF)'
+    _steered = True
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         return GaussianFilterProposal(SigmaPointFilter(model, unscented))
@@ -235,6 +238,7 @@ class QuadratureParticleFilter(ParticleTracker):
         Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
     ])
     _kernel = 'epanechnikov'
+    _steered = True
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         rule = partial(gauss_hermite, order=int(self._parameters['order']))
