@@ -29,6 +29,7 @@ _SMALLEST, _LARGEST = 0.3, 4.0
 _ASPECT = 1.6
 #: Share of the measured change of form that is taken in one frame.
 _GAIN = 0.4
+_ADAPT = 0.5
 #: An ellipse nearer to a circle than this ratio of the axes has no angle.
 _ROUND = 1.15
 #: Likeness at which on and off the target are even, and the width of the transition.
@@ -68,7 +69,7 @@ class ColourMeanShift:
         """Begin on a box: the target is the ellipse inscribed in it."""
         self._center = np.array(box.center)
         self._matrix = np.diag([box.width / 2, box.height / 2])
-        self._first = self._matrix
+        self._first = self._trusted = self._matrix
         self._velocity = np.zeros(2)
         self._searched = 0.0
         self._angle, self._first_angle = 0.0, self._orientation(0.0)
@@ -86,6 +87,7 @@ class ColourMeanShift:
         points = self._drawn(forecast)
         place, zeta = (None, 0.0) if self._searched else self._tracked(frame, points)
         if place is None or zeta <= settings.rejected:
+            self._matrix = self._trusted
             place, zeta = self._search(frame, dt, points)
         if place is None:
             self._searched += dt
@@ -97,7 +99,8 @@ class ColourMeanShift:
             self._searched = 0.0
             self._center = self._inside(place, frame)
             if zeta >= settings.accepted:
-                self._adapt(frame)
+                self._trusted = self._matrix
+            self._adapt(frame, zeta)
         return self._estimate(frame, zeta, points)
 
     def _tracked(self, frame: Frame, points: Array) -> tuple[Array | None, float]:
@@ -165,17 +168,17 @@ class ColourMeanShift:
         result: Array = centers[1:][order].reshape(-1, 2) * stride + offset
         return result
 
-    def _adapt(self, frame: Frame) -> None:
+    def _adapt(self, frame: Frame, zeta: float) -> None:
         """Let bandwidth and colours follow the target, within bounds."""
         settings = self.settings
-        if settings.growth:
+        if settings.growth and zeta >= _ADAPT:
             values, vectors = np.linalg.eigh(
                 self._colours.growth(frame, self._center, self._matrix))
             values = np.clip(values**_GAIN, 1 / (1 + settings.growth), 1 + settings.growth)
             self._matrix = bounded_frame(
                 self._matrix @ (vectors * values) @ vectors.T, self._first)
             self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
-        if settings.learning:
+        if settings.learning and zeta >= settings.accepted:
             self._colours = self._colours.learned(
                 frame, self._center, self._matrix, settings.learning)
 

@@ -18,6 +18,8 @@ _STEPS = 12
 _FINE = 1 / 16
 #: Likelihood of evidence: what is this share of the best counts 1/e.
 _SHARPNESS = 8.0
+#: A place with less than this share of the window's highest evidence is a lesser maximum.
+_DOMINATED = 0.85
 
 
 class EvidenceMeanShift:
@@ -67,9 +69,11 @@ class EvidenceMeanShift:
             scores = sighting.at(points)
             best = points[int(scores.argmax())]
             best = self._climbed(sighting, weights, (best[0], best[1]))
-            zeta = min(float(sighting.at(np.array([climbed]))[0]) / usual, 1.0)
+            zeta = min(self._at(sighting, climbed) / usual, 1.0)
             place = fused(zeta, climbed, best, SIGMA, max(before.size) / 2, settings)
             center = sighting.center if place is None else place
+        if self._at(sighting, center) < _DOMINATED * sighting.peak:
+            center = sighting.center
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = self._spread(sighting, center)
         found_elsewhere = target.settle(frame, sighting, center, dt)
@@ -77,6 +81,10 @@ class EvidenceMeanShift:
         self._velocity = np.zeros(2) if found_elsewhere else (self._velocity + step) / 2
         return target.estimate(
             covariance, particles=None if points is None else self._boxes(points))
+
+    @staticmethod
+    def _at(sighting: Sighting, place: Point) -> float:
+        return float(sighting.at(np.array([place]))[0])
 
     def _climbed(self, sighting: Sighting, weights: NDArray[np.float64], start: Point) -> Point:
         """Climb from a place with the target's bandwidth, then with the peak's."""
