@@ -132,7 +132,7 @@ class TargetModel:
         return empty.learned(view, empty.transform(view)).learned_scale(scales, 0.0)
 
     def view(self, frame: Frame, center: Point, size: Point) -> View:
-        """Describe the window of whole pixels about a target of that centre and size, in pixels."""
+        """Describe the window about a target of that centre and size, to the nearest pixel."""
         layout = self.layout
         width, height = (max(1, round(side * reach)) for side, reach in zip(size, layout.reach))
         center = (round(center[0] - width / 2) + width / 2,

@@ -38,8 +38,9 @@ def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, 
     x, y, right, bottom = int(left), int(top), int(left + size[0]), int(top + size[1])
     whole = (x, y, right, bottom) == (left, top, left + size[0], top + size[1])
     if whole and 0 <= x < right <= width and 0 <= y < bottom <= height:
-        return cv2.resize(frame[y:bottom, x:right], (columns, rows),
-                          interpolation=cv2.INTER_LINEAR)
+        window: Frame = cv2.resize(
+            frame[y:bottom, x:right], (columns, rows), interpolation=cv2.INTER_LINEAR)
+        return window
     offset_x = offset_y = 0
     stride = max(1, int(min(step_x, step_y)))
     if stride > 1:
@@ -52,6 +53,7 @@ def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, 
     matrix = np.array([
         [step_x / stride, 0.0, (left + step_x / 2 - 0.5 - offset_x) / stride],
         [0.0, step_y / stride, (top + step_y / 2 - 0.5 - offset_y) / stride]])
-    return cv2.warpAffine(
+    window = cv2.warpAffine(
         frame, matrix, (columns, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE)
+    return window
