@@ -4,32 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-import socket
 
 import pytest
+from vtrack_ros.ros.domain import reserve_domain
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-
-def _reserve_domain() -> socket.socket:
-    """Take a DDS domain that no other test process on this machine has, and return its guard."""
-    for domain in range(1, 101):
-        guard = socket.socket()
-        try:
-            # The convention of ROS's own domain_coordinator: whoever holds the port, has the
-            # domain until the process ends.
-            guard.bind(('', 32768 + domain))
-        except OSError:
-            guard.close()
-            continue
-        os.environ['ROS_DOMAIN_ID'] = str(domain)
-        return guard
-    raise RuntimeError('all DDS domains from 1 to 100 are taken by other test processes')
-
-
 # Before any test module imports rclpy.
-_domain_guard = _reserve_domain()
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+_domain_guard = reserve_domain()
 
 
 @pytest.fixture(scope='session')

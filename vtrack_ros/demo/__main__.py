@@ -15,6 +15,7 @@ from vtrack_ros.demo.processes import DemoError, run
 from vtrack_ros.demo.summary import summarise
 from vtrack_ros.evaluation.progress import ProgressBar
 from vtrack_ros.geometry import Box
+from vtrack_ros.ros.domain import reserve_domain
 from vtrack_ros.trackers import tracker_names
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -45,13 +46,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the demo; return 0 if the target was tracked, 1 if not, 2 if it couldn't be tried."""
     options = parser().parse_args(arguments)
     from vtrack_ros.bags import BagError
-    # Of its own, so that nobody else's images on this machine get in.
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    guard = None if 'ROS_DOMAIN_ID' in os.environ else reserve_domain()
     try:
         return _demonstrate(options)
     except (BagError, DemoError) as error:
         print(f'demo: {error}', file=sys.stderr)
         return 2
+    finally:
+        if guard is not None:
+            guard.close()
 
 
 def _demonstrate(options: argparse.Namespace) -> int:
