@@ -23,6 +23,7 @@ import time
 from typing import Any
 
 from vtrack_ros.ros.dds_profile import with_profile
+from vtrack_ros.ros.domain import reserve_domain
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Width, height and rate of the streams.
@@ -411,7 +412,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     if options.null:
         return null_node()
-    os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
+    domain_guard = reserve_domain()
     os.environ.update(with_profile(os.environ))
     results: dict[str, Any] = {
         'tracker': options.tracker, 'date': time.strftime('%Y-%m-%d'),
@@ -432,6 +433,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     (options.out / 'latency.md').write_text(page(results))
     print(page(results))
     bench.rclpy.try_shutdown()
+    domain_guard.close()
     return 0
 
 
