@@ -24,6 +24,7 @@ class AffinePatches:
     Parameters
     ----------
     frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        The frame.
     transformations : ndarray, shape (N, 3, 3)
         Map the rectangle into the frame, in pixels.
     size : tuple of float

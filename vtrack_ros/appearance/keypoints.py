@@ -33,7 +33,9 @@ class Keypoints:
     Parameters
     ----------
     points : ndarray, shape (M, 2), [px]
+        Where they are.
     descriptors : ndarray of float32, shape (M, 128)
+        What they look like.
 
     """
 
@@ -81,6 +83,7 @@ class KeypointDetector:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+            The frame.
         center, size : tuple of float, [px]
             The window's centre and size.
 
@@ -141,6 +144,7 @@ def pose_change(before: Points, after: Points, tolerance: float,
     tolerance : float, [px]
         The largest distance of a match that agrees.
     rng : numpy.random.Generator
+        Where the pairs are drawn from.
 
     """
     count = len(before)
@@ -180,6 +184,7 @@ def similarity(before: Points, after: Points) -> NDArray[np.float64]:
     Parameters
     ----------
     before, after : ndarray, shape (M, 2), [px]
+        Matched points.
 
     Returns
     -------

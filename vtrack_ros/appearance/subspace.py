@@ -24,6 +24,7 @@ class Subspace:
     Parameters
     ----------
     mean : ndarray of float32, shape (d,)
+        The mean look.
     components : ndarray of float32, shape (d, k)
         Orthonormal columns, by falling singular value.
     singular_values : ndarray, shape (k,)
@@ -54,6 +55,7 @@ class Subspace:
         Parameters
         ----------
         looks : ndarray, shape (m, d)
+            The looks, in rows.
         forgetting : float
             The weight of everything before, in (0, 1]; 1 forgets nothing.
 
@@ -97,6 +99,7 @@ class Subspace:
         Parameters
         ----------
         looks : ndarray of float32, shape (n, d)
+            The looks, in rows.
         width : float
             The residual, in units of the looks, that counts half.
 

@@ -31,6 +31,7 @@ def from_coordinates(coordinates: Array) -> Array:
     Parameters
     ----------
     coordinates : ndarray, shape (..., 6)
+        Scale, aspect, rotation, skew, x, y.
 
     Returns
     -------
@@ -137,6 +138,7 @@ def group_mean(transformations: Array, weights: Array) -> Array:
     Parameters
     ----------
     transformations : ndarray, shape (N, 3, 3)
+        What to average.
     weights : ndarray, shape (N,)
         Non-negative; need not be normalised.
 
@@ -188,6 +190,7 @@ def bounds(transformation: Array, size: tuple[float, float]) -> Array:
     Parameters
     ----------
     transformation : ndarray, shape (..., 3, 3)
+        Maps the rectangle into the image.
     size : tuple of float
         The rectangle's (width, height).
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from vtrack_ros.trackers.affine import (
+    AffineKeypointParticleFilter, AffineParticleFilter, SubspaceParticleFilter)
 from vtrack_ros.trackers.base import Tracker
 from vtrack_ros.trackers.mean_shift import (
     AdaptiveBandwidthMeanShift, MeanShiftParticleFilter)
@@ -17,11 +19,14 @@ _CLASSES: tuple[type[Tracker], ...] = (
     GreyParticleFilter,
     PrunedQuadratureParticleFilter,
     MeanShiftParticleFilter,
+    AffineKeypointParticleFilter,
     ColourParticleFilter,
     KalmanParticleFilter,
     UnscentedParticleFilter,
     QuadratureParticleFilter,
     AdaptiveBandwidthMeanShift,
+    AffineParticleFilter,
+    SubspaceParticleFilter,
 )
 _REGISTRY = {cls.NAME: cls for cls in _CLASSES}
 

@@ -1,0 +1,337 @@
+"""APPF, the affine particle filter and PPCA: particles, terms, and drawn targets."""
+
+import cv2
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from vtrack_ros.appearance.affine_patches import AffinePatches
+from vtrack_ros.appearance.keypoints import PoseChange
+from vtrack_ros.geometry import affine, Box
+from vtrack_ros.trackers.affine_appearance import keypoint_error
+from vtrack_ros.trackers.affine_particles import GroupParticles, VectorParticles
+from vtrack_ros.trackers.base import TrackState
+from vtrack_ros.trackers.registry import create_tracker, tracker_class
+
+_NAMES = ('appf', 'affine_pf', 'ppca')
+_PRESETS = ('default', 'paper')
+_LIMIT = np.array([1e6, 1e6])
+_SIGMAS = np.array([0.02, 0.01, 0.03, 0.01, 0.05, 0.05])
+
+
+def _state(scale=30.0, turn=0.0, center=(0.0, 0.0)):
+    return affine.from_vector(np.array([np.log(scale), 0, turn, 0, *center]))
+
+
+def _texture(width, height, seed, cell):
+    rng = np.random.default_rng(seed)
+    coarse = rng.integers(0, 256, (height // cell + 2, width // cell + 2, 3), dtype=np.uint8)
+    picture = cv2.resize(coarse, None, fx=cell, fy=cell, interpolation=cv2.INTER_CUBIC)
+    return np.ascontiguousarray(picture[:height, :width])
+
+
+class _Drawn:
+    """A textured 60 x 44 card over a duller background."""
+
+    size = (60.0, 44.0)
+
+    def __init__(self, grey=False, shape=(240, 320)):
+        self.background = 90 + _texture(shape[1], shape[0], 1, 16) // 6
+        self.card = _texture(60, 44, 2, 7)
+        self.grey = grey
+
+    def frame(self, center, turn=0.0, scale=1.0, seed=0):
+        matrix = np.zeros((2, 3))
+        matrix[:, :2] = scale * affine.rotation(np.asarray(turn))
+        matrix[:, 2] = np.array(center) - 0.5 - matrix[:, :2] @ (29.5, 21.5)
+        shape = self.background.shape[1::-1]
+        mask = cv2.warpAffine(np.full((44, 60), 255, np.uint8), matrix, shape)[:, :, None] / 255
+        drawn = self.background * (1 - mask) + mask * cv2.warpAffine(self.card, matrix, shape)
+        noise = np.random.default_rng(seed).normal(0, 3, drawn.shape)
+        result = np.clip(drawn + noise, 0, 255).astype(np.uint8)
+        return cv2.cvtColor(result, cv2.COLOR_BGR2GRAY) if self.grey else result
+
+    def box(self, center):
+        return Box.from_center(*center, *self.size)
+
+
+def _path(index):
+    return 100.0 + 2.0 * index, 110.0 + 12 * np.sin(index / 6)
+
+
+@pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])
+def test_the_same_noise_moves_particles_alike_wherever_they_are(kind):
+    # the dynamics are left-invariant: seen from the target they don't depend on its pose
+    steps = []
+    for first in (_state(30.0), _state(75.0, 0.0, (200.0, 50.0))):
+        particles = kind(first, 200, _LIMIT, np.random.default_rng(4))
+        particles.propose(1.0, _SIGMAS, 0.5)
+        steps.append(affine.inverse(first) @ particles.states)
+    assert_allclose(steps[0], steps[1], atol=1e-9)
+
+
+def test_group_dynamics_are_invariant_to_rotation_too():
+    motion = _state(2.0, 0.9, (5.0, -3.0))
+    sets = []
+    for first in (_state(30.0, 0.2), motion @ _state(30.0, 0.2)):
+        particles = GroupParticles(first, 100, _LIMIT, np.random.default_rng(4))
+        for _ in range(3):
+            particles.propose(1.0, _SIGMAS, 0.5)
+        sets.append(particles.states)
+    assert_allclose(motion @ sets[0], sets[1], atol=1e-7)
+
+
+def test_without_noise_the_process_repeats_a_share_of_the_last_step():
+    particles = GroupParticles(_state(), 3, _LIMIT, np.random.default_rng(0))
+    step = affine.from_coordinates(np.array([0.02, 0.01, 0.1, 0.0, 0.2, -0.1]))
+    particles.velocities[:] = step
+    particles.propose(1.0, np.zeros(6), 0.5)
+    assert_allclose(particles.states[1], _state() @ affine.exponential(0.5 * step), atol=1e-9)
+    assert_allclose(particles.velocities[1], 0.5 * step, atol=1e-9)
+
+
+def test_two_frames_at_once_are_one_step_of_twice_the_length():
+    particles = GroupParticles(_state(), 3, _LIMIT, np.random.default_rng(0))
+    step = affine.from_coordinates(np.array([0.02, 0.01, 0.1, 0.0, 0.2, -0.1]))
+    particles.velocities[:] = step
+    particles.propose(2.0, np.zeros(6), 1.0)
+    assert_allclose(particles.states[0], _state() @ affine.exponential(2 * step), atol=1e-9)
+    assert_allclose(particles.velocities[0], step, atol=1e-9)  # still in frames
+
+
+@pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])
+def test_the_variance_of_the_noise_grows_with_the_time_step(kind):
+    spreads = []
+    for dt in (1.0, 4.0):
+        particles = kind(_state(), 4000, _LIMIT, np.random.default_rng(1))
+        particles.propose(dt, _SIGMAS, 0.0)
+        spreads.append(particles.states[:, :2, 2].std(0))
+    assert_allclose(spreads[0], 30 * _SIGMAS[4:], rtol=0.06)
+    assert_allclose(spreads[1] / spreads[0], 2, rtol=0.05)
+
+
+def test_a_share_of_the_particles_follows_a_measured_movement():
+    particles = GroupParticles(_state(), 10, _LIMIT, np.random.default_rng(0))
+    move = _state(1.0, 0.3, (7.0, 0.0))
+    particles.propose(1.0, np.zeros(6), 0.5, move, 0.4)
+    followed = np.isclose(particles.states, move @ _state()).all((1, 2))
+    stayed = np.isclose(particles.states, _state()).all((1, 2))
+    assert followed.sum() == 4
+    assert stayed.sum() == 6
+
+
+@pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])
+def test_size_shape_and_place_stay_bounded(kind):
+    particles = kind(_state(30.0, 0, (50.0, 50.0)), 50, np.array([100, 100]),
+                     np.random.default_rng(0))
+    for _ in range(60):
+        particles.propose(1.0, np.array([0.4, 0.3, 0.3, 0.3, 0.5, 0.5]), 0.9)
+        scales = affine.scale(particles.states)
+        assert (scales > 6).all() and (scales < 150).all()
+        assert (affine.stretch(particles.states) < 2.5).all()
+        assert (np.abs(particles.states[:, :2, 2] - 50) < 50 + scales[:, None]).all()
+
+
+@pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])
+def test_gathered_and_grown_particles_are_still_so_after_the_next_step(kind):
+    particles = kind(_state(), 8, _LIMIT, np.random.default_rng(0))
+    particles.gather(np.array([9.0, 4.0]), 0.5)
+    particles.grow(2.0)
+    particles.propose(1.0, np.zeros(6), 0.0)
+    assert_allclose(affine.scale(particles.states), 60)
+    at_place = np.isclose(particles.states[:, :2, 2], (9, 4)).all(1)
+    assert at_place.sum() == 4
+
+
+def test_keypoint_error_is_the_mean_square_distance():
+    rng = np.random.default_rng(0)
+    before, states = _state(20.0, 0.1, (40.0, 40.0)), []
+    for _ in range(5):
+        states.append(before @ affine.exponential(
+            affine.from_coordinates(0.1 * rng.standard_normal(6))))
+    source, target = rng.uniform(0, 80, (2, 12, 2))
+    change = PoseChange(np.eye(3), source, target, 0.0)
+    expected = []
+    for state in states:
+        move = state @ np.linalg.inv(before)
+        landed = source @ move[:2, :2].T + move[:2, 2]
+        expected.append(np.square(landed - target).sum(1).mean())
+    assert_allclose(keypoint_error(np.array(states), before, change), expected)
+
+
+def test_patches_follow_rotation_and_scale():
+    drawn = _Drawn(grey=True)
+    side = float(np.sqrt(60 * 44))
+    size = (60 / side, 44 / side)
+    upright = AffinePatches(
+        drawn.frame((100, 100)), _state(side, 0, (100.0, 100.0))[None], size).grey()[0]
+    turned = AffinePatches(
+        drawn.frame((150, 120), 0.7, 1.4),
+        _state(1.4 * side, 0.7, (150.0, 120.0))[None], size).grey()[0]
+    assert np.corrcoef(upright, turned)[0, 1] > 0.97
+    missed = AffinePatches(
+        drawn.frame((150, 120), 0.7, 1.4),
+        _state(1.4 * side, 0.0, (150.0, 120.0))[None], size).grey()[0]
+    assert np.corrcoef(upright, missed)[0, 1] < 0.7
+
+
+def test_patches_of_a_large_target_equal_those_of_a_small_one():
+    small = cv2.GaussianBlur(_texture(80, 80, 3, 10), (5, 5), 1)
+    large = cv2.resize(small, None, fx=7, fy=7, interpolation=cv2.INTER_CUBIC)
+    one = AffinePatches(small, _state(40.0, 0.3, (40.0, 40.0))[None], (1.0, 1.0))
+    other = AffinePatches(large, _state(280.0, 0.3, (280.0, 280.0))[None], (1.0, 1.0))
+    assert np.abs(one.grey() - other.grey()).mean() < 0.02
+    assert np.sqrt(one.colours() * other.colours()).sum() > 0.8
+
+
+def test_colours_outside_the_frame_are_missing():
+    frame = np.full((50, 50, 3), 200, np.uint8)
+    states = np.array([_state(20.0, 0, (25.0, 25.0)), _state(20.0, 0, (0.0, 25.0)),
+                       _state(20.0, 0, (-80.0, 25.0))])
+    assert_allclose(AffinePatches(frame, states, (1.0, 1.0)).colours().sum(1), (1, 0.5, 0))
+
+
+@pytest.mark.parametrize('preset', _PRESETS)
+@pytest.mark.parametrize('grey', [False, True])
+@pytest.mark.parametrize('name', _NAMES)
+def test_follows_a_drawn_target_through_translation_and_growth(name, grey, preset):
+    drawn = _Drawn(grey)
+    tracker = create_tracker(name, seed=1, preset=preset)
+    tracker.start(drawn.frame(_path(0)), drawn.box(_path(0)))
+    for index in range(1, 26):
+        scale = 1 + 0.012 * index
+        estimate = tracker.update(drawn.frame(_path(index), 0.0, scale, index))
+        truth = Box.from_center(*_path(index), 60 * scale, 44 * scale)
+        assert estimate.box.iou(truth) > 0.55
+        assert estimate.state is TrackState.TRACKING
+    assert estimate.box.center_distance(truth) < 6
+
+
+@pytest.mark.parametrize(('name', 'preset'), [
+    ('appf', 'default'), ('appf', 'paper'), ('affine_pf', 'paper')])
+def test_the_angle_follows_a_rotation(name, preset):
+    drawn = _Drawn()
+    tracker = create_tracker(name, seed=3, preset=preset)
+    center = (160.0, 120.0)
+    tracker.start(drawn.frame(center), drawn.box(center))
+    for index in range(1, 31):
+        estimate = tracker.update(drawn.frame(center, 0.03 * index, 1.0, index))
+    assert estimate.angle == pytest.approx(0.9, abs=0.15)  # clockwise is positive
+    assert estimate.box.center_distance(Box.from_center(*center, 1, 1)) < 5
+    # the affine frame maps the unit square about the origin onto the card
+    corner = estimate.affine @ (0.5, 0.5, 1)
+    expected = affine.rotation(np.asarray(0.9)) @ (30, 22) + center
+    assert np.linalg.norm(corner[:2] - expected) < 10
+
+
+def test_the_box_of_the_paper_preset_bounds_the_affine_frame():
+    drawn = _Drawn()
+    tracker = create_tracker('appf', seed=3, preset='paper')
+    tracker.start(drawn.frame(_path(0)), drawn.box(_path(0)))
+    for index in range(1, 8):
+        estimate = tracker.update(drawn.frame(_path(index), 0.04 * index, 1.0, index))
+    corners = estimate.affine @ np.array(
+        [[0.5, 0.5, -0.5, -0.5], [0.5, -0.5, 0.5, -0.5], [1, 1, 1, 1]])
+    box = estimate.box
+    assert_allclose(corners[:2].min(1), (box.x, box.y), atol=1e-9)
+    assert_allclose(corners[:2].max(1), (box.x + box.width, box.y + box.height), atol=1e-9)
+
+
+def test_keypoints_hold_a_faster_rotation_than_the_process_alone():
+    drawn = _Drawn()
+    errors = {}
+    for keypoints in (True, False):
+        tracker = create_tracker('appf', seed=0, preset='paper', keypoints=keypoints,
+                                 rotation_noise=0.005, ar=0.0)
+        tracker.start(drawn.frame((160, 120)), drawn.box((160, 120)))
+        for index in range(1, 9):
+            estimate = tracker.update(drawn.frame((160, 120), 0.1 * index, 1.0, index))
+        errors[keypoints] = abs(estimate.angle - 0.8)
+    assert errors[True] < 0.1
+    assert errors[True] < 0.5 * errors[False]
+
+
+@pytest.mark.parametrize('preset', _PRESETS)
+@pytest.mark.parametrize('name', _NAMES)
+def test_the_same_seed_gives_the_same_estimates(name, preset):
+    drawn = _Drawn()
+    runs = []
+    for _ in range(2):
+        tracker = create_tracker(name, seed=11, preset=preset, particles=100)
+        tracker.start(drawn.frame(_path(0)), drawn.box(_path(0)))
+        runs.append([tracker.update(drawn.frame(_path(index), 0.1, 1.0, index))
+                     for index in range(1, 6)])
+    for one, other in zip(*runs):
+        assert one.box == other.box and one.confidence == other.confidence
+        assert np.array_equal(one.covariance, other.covariance)
+
+
+@pytest.mark.parametrize('preset', _PRESETS)
+@pytest.mark.parametrize('name', _NAMES)
+def test_covariance_is_positive_definite_while_the_target_leaves(name, preset):
+    drawn = _Drawn()
+    tracker = create_tracker(name, seed=2, preset=preset, particles=60)
+    center = (270.0, 120.0)
+    tracker.start(drawn.frame(center), drawn.box(center))
+    for index in range(1, 26):
+        center = (270.0 + 5 * index, 120.0)
+        estimate = tracker.update(drawn.frame(center, 0.0, 1.0, index))
+        assert np.isfinite(estimate.covariance).all()
+        assert (np.linalg.eigvalsh(estimate.covariance) > 0).all()
+        assert 0 <= estimate.confidence <= 1
+        assert estimate.box.width < 5.5 * 60 and estimate.box.height < 5.5 * 60
+    assert estimate.confidence < 0.5
+
+
+@pytest.mark.parametrize('preset', _PRESETS)
+def test_says_that_the_target_is_gone(preset):
+    drawn = _Drawn()
+    tracker = create_tracker('appf', seed=2, preset=preset, particles=100)
+    tracker.start(drawn.frame(_path(0)), drawn.box(_path(0)))
+    for index in range(1, 10):
+        seen = tracker.update(drawn.frame(_path(index), 0.0, 1.0, index))
+    for index in range(45):
+        gone = tracker.update(np.roll(drawn.background, 5 * index, axis=1))
+    assert gone.confidence < 0.5 < seen.confidence
+    assert gone.state is not TrackState.TRACKING
+
+
+@pytest.mark.parametrize('name', _NAMES)
+def test_parameters_change_while_it_runs(name):
+    drawn = _Drawn()
+    tracker = create_tracker(name, seed=2, preset='paper')
+    tracker.start(drawn.frame(_path(0)), drawn.box(_path(0)))
+    tracker.configure(particles=50, eigenvectors=4, update_interval=2, rotation_noise=0.0)
+    for index in range(1, 8):
+        estimate = tracker.update(drawn.frame(_path(index), 0.0, 1.0, index))
+    assert len(estimate.particles) == 50
+    assert estimate.box.iou(drawn.box(_path(7))) > 0.6
+    with pytest.raises(ValueError, match='particles must be an integer from 2'):
+        tracker.configure(particles=1)
+
+
+def test_dropped_frames_are_caught_up_with():
+    drawn = _Drawn()
+    tracker = create_tracker('appf', seed=5)
+    tracker.start(drawn.frame(_path(0)), drawn.box(_path(0)))
+    for index in range(1, 10):
+        tracker.update(drawn.frame(_path(index), 0.0, 1.0, index))
+    estimate = tracker.update(drawn.frame(_path(14), 0.0, 1.0, 14), dt=5.0)
+    assert estimate.box.iou(drawn.box(_path(14))) > 0.6
+
+
+@pytest.mark.parametrize('preset', _PRESETS)
+def test_a_box_that_reaches_beyond_the_image(preset):
+    drawn = _Drawn()
+    tracker = create_tracker('appf', seed=5, preset=preset, particles=60)
+    frame = drawn.frame((-20.0, 110.0))
+    tracker.start(frame, drawn.box((-20.0, 110.0)))
+    estimate = tracker.update(frame)
+    assert estimate.box.iou(drawn.box((-20.0, 110.0))) > 0.3
+
+
+def test_only_appf_has_keypoints_and_ppca_has_no_colour():
+    assert 'keypoints' in tracker_class('appf').PARAMETERS
+    assert 'keypoints' not in tracker_class('affine_pf').PARAMETERS
+    assert 'colour_sigma' in tracker_class('affine_pf').PARAMETERS
+    assert 'colour_sigma' not in tracker_class('ppca').PARAMETERS

@@ -1,0 +1,172 @@
+"""What speaks for an affine frame: colour, the subspace of looks, and keypoints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.affine_patches import AffinePatches
+from vtrack_ros.appearance.keypoints import PoseChange
+from vtrack_ros.appearance.subspace import Subspace
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import affine
+
+Array = NDArray[np.float64]
+
+#: Residual of a pixel, of 1, that counts half in the robust error norm.
+_OUTLIER = 0.1
+
+
+@dataclass(frozen=True)
+class Widths:
+    """
+    Standard deviations of the likelihood's terms; an infinite one drops its term.
+
+    Parameters
+    ----------
+    colour : float
+        Of the Bhattacharyya distance.
+    subspace : float
+        Of the square root of the robust error.
+    keypoints : float
+        Of the keypoints' distance, as a share of the target's mean side.
+
+    """
+
+    colour: float
+    subspace: float
+    keypoints: float
+
+
+class AffineAppearance:
+    """
+    The likelihood of affine frames: the product of three terms [Xiang, sec. 3.3].
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        The first frame.
+    first : ndarray, shape (3, 3)
+        The target's affine frame in it.
+    size : tuple of float
+        The (width, height) of the rectangle that affine frames map onto the target.
+    components : int
+        Principal components of the subspace.
+    colour : bool
+        Whether there's a colour term; a grey frame never has one.
+
+    """
+
+    def __init__(self, frame: Frame, first: Array, size: tuple[float, float],
+                 components: int, colour: bool) -> None:
+        patches = AffinePatches(frame, first[None], size)
+        self.size = size
+        self.subspace = Subspace.create(patches.grey()[0], components)
+        self._first_look = self.subspace.mean
+        self._colours: Array | None = None
+        if colour and frame.ndim == 3:
+            histogram = patches.colours()[0]
+            self._colours = np.sqrt(histogram / max(histogram.sum(), 1e-12))
+        self._fresh: list[NDArray[np.float32]] = []
+
+    def log_likelihood(self, frame: Frame, states: Array, widths: Widths,
+                       change: PoseChange | None, before: Array) -> Array:
+        """
+        Return the logarithm of the likelihood of affine frames, less a constant.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+            The frame.
+        states : ndarray, shape (N, 3, 3)
+            The affine frames.
+        widths : Widths
+            Of the three terms.
+        change : PoseChange, optional
+            The keypoints that the last frame and this share.
+        before : ndarray, shape (3, 3)
+            The target's affine frame in the last frame.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+
+        """
+        patches = AffinePatches(frame, states, self.size)
+        result = self.subspace.robust_error(patches.grey(), _OUTLIER).astype(np.float64)
+        result /= -2 * widths.subspace**2
+        if self._colours is not None:
+            similarity = np.sqrt(patches.colours()) @ self._colours
+            result -= (1 - similarity) / (2 * widths.colour**2)
+        if change is not None:
+            width = widths.keypoints * float(affine.scale(before))
+            result -= keypoint_error(states, before, change) / (2 * width**2)
+        return result
+
+    def look(self, frame: Frame, state: Array) -> NDArray[np.float32]:
+        """Return the grey patch under one affine frame, shape (d,)."""
+        patch: NDArray[np.float32] = AffinePatches(frame, state[None], self.size).grey()[0]
+        return patch
+
+    def likeness(self, look: NDArray[np.float32]) -> float:
+        """Return the correlation of a look with the first one, in [-1, 1]."""
+        first, other = self._first_look - self._first_look.mean(), look - look.mean()
+        norm = float(np.sqrt((first @ first) * (other @ other)))
+        return float(first @ other) / norm if norm > 1e-6 else 0.0
+
+    def learn(self, look: NDArray[np.float32], interval: int, forgetting: float,
+              components: int) -> None:
+        """
+        Collect a look; every `interval` looks, update the subspace with them.
+
+        Parameters
+        ----------
+        look : ndarray of float32, shape (d,)
+            The look.
+        interval : int, [frames]
+            How many looks an update takes.
+        forgetting : float
+            The weight of the looks before, in (0, 1].
+        components : int
+            The most principal components that are kept.
+
+        """
+        self._fresh.append(look)
+        if len(self._fresh) >= interval:
+            subspace = replace(self.subspace, limit=components)
+            self.subspace = subspace.learned(np.array(self._fresh), forgetting)
+            self._fresh.clear()
+
+
+def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
+    """
+    Return how far keypoints land from their matches, if the target moved into each frame.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, 3, 3)
+        Candidates for the target's affine frame now.
+    before : ndarray, shape (3, 3)
+        The target's affine frame in the last frame.
+    change : PoseChange
+        The matched keypoints.
+
+    Returns
+    -------
+    ndarray, shape (N,), [px^2]
+        The mean square of the distances [Xiang, sec. 3.3.3; the text sums, which would make the
+        term's weight depend on how many keypoints there happen to be].
+
+    """
+    moves = states @ affine.inverse(before)
+    # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments
+    points = np.column_stack([change.before, np.ones(len(change.before))])
+    count = len(points)
+    scatter, cross = points.T @ points / count, change.after.T @ points / count
+    rows = moves[:, :2]
+    result: Array = (np.einsum('nij,jk,nik->n', rows, scatter, rows)
+                     - 2 * np.einsum('nij,ij->n', rows, cross)
+                     + np.square(change.after).sum() / count)
+    return np.maximum(result, 0.0)

@@ -1,0 +1,210 @@
+"""Particles on the affine group, and the particles in a vector of parameters beside them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.estimation.resampling import systematic
+from vtrack_ros.geometry import affine
+
+Array = NDArray[np.float64]
+
+#: Bounds of scale (relative to the first) and of the ratio of the stretches along two axes.
+_SMALLEST, _LARGEST = 0.2, 5.0
+_SLIMMEST = 2.5
+
+
+class AffineParticles(ABC):
+    """
+    A set of equally weighted affine frames and how they move.
+
+    A frame maps a rectangle about the origin, of area 1 and the target's first aspect ratio, onto
+    the target. Displacements are in units of the target's mean side: noise needs no pixels.
+
+    Parameters
+    ----------
+    first : ndarray, shape (3, 3)
+        Where all particles start.
+    count : int
+        How many.
+    limit : ndarray, shape (2,), [px]
+        The frame's (width, height); no particle's centre goes farther beyond it than a side.
+    rng : numpy.random.Generator
+        Where the noise is drawn from.
+
+    """
+
+    states: Array
+
+    def __init__(self, first: Array, count: int, limit: Array,
+                 rng: np.random.Generator) -> None:
+        self._rng = rng
+        self._limit = limit
+        self._first_scale = float(affine.scale(first))
+        self.restart(first, count)
+
+    @abstractmethod
+    def restart(self, state: Array, count: int) -> None:
+        """Put `count` particles at rest at a state, shape (3, 3)."""
+
+    @abstractmethod
+    def propose(self, dt: float, sigmas: Array, autoregression: float,
+                move: Array | None = None, share: float = 0.0) -> None:
+        """
+        Move every particle by one time step.
+
+        Parameters
+        ----------
+        dt : float, [frames]
+            The time since the last step.
+        sigmas : ndarray, shape (6,)
+            Standard deviations of the noise a frame, in the order of `affine.BASIS`.
+        autoregression : float
+            The a of the autoregressive process.
+        move : ndarray, shape (3, 3), optional
+            A measured movement in the image, p' = move p.
+        share : float
+            Share of the particles that follow the measured movement in place of their own.
+
+        """
+
+    @abstractmethod
+    def mean(self, weights: Array) -> Array:
+        """Return the estimate, shape (3, 3), from normalised weights, shape (N,)."""
+
+    def gather(self, place: Array, share: float) -> None:
+        """Move a share of the particles, all by the same step, so that their mean is a place."""
+        count = round(share * len(self.states))
+        if count:
+            chosen = np.linspace(0, len(self.states) - 1, count).astype(int)
+            self._shift(chosen, place - self.states[chosen, :2, 2].mean(0))
+
+    @abstractmethod
+    def grow(self, factor: float) -> None:
+        """Multiply the particles' scale by a factor."""
+
+    @abstractmethod
+    def _shift(self, chosen: NDArray[np.intp], step: Array) -> None:
+        """Move the chosen particles' centres by a step in pixels, shape (2,)."""
+
+    def resample(self, weights: Array, count: int) -> None:
+        """Draw `count` particles by their weights."""
+        self._keep(systematic(weights, count, self._rng))
+
+    @abstractmethod
+    def _keep(self, chosen: NDArray[np.intp]) -> None:
+        """Keep the chosen particles."""
+
+    def _allowed(self, states: Array) -> NDArray[np.bool_]:
+        """Tell which states have a size, shape and place that a target may have, shape (N,)."""
+        linear = states[:, :2, :2]
+        determinant = linear[:, 0, 0] * linear[:, 1, 1] - linear[:, 0, 1] * linear[:, 1, 0]
+        scale = affine.scale(states)
+        relative = scale / self._first_scale
+        center = states[:, :2, 2]
+        margin = scale[:, None]
+        near = ((center > -margin) & (center < self._limit + margin)).all(1)
+        allowed: NDArray[np.bool_] = (
+            near & (determinant > 0) & (relative > _SMALLEST) & (relative < _LARGEST)
+            & (affine.stretch(states) < _SLIMMEST))
+        return allowed
+
+    def _followers(self, move: Array | None, share: float) -> int:
+        return 0 if move is None else round(share * len(self.states))
+
+
+class GroupParticles(AffineParticles):
+    """
+    Autoregressive dynamics on the affine group [Xiang, sec. 3.2; Kwon and Park 2010, eq. 12].
+
+    X_t = X_{t-1} exp(a log(X_{t-2}^-1 X_{t-1}) + dW); with a time step dt the first term is
+    multiplied by dt and the noise by sqrt(dt). Where the logarithm isn't defined (a step by more
+    than half a turn) the particle has no velocity.
+    """
+
+    def restart(self, state: Array, count: int) -> None:
+        """Put `count` particles at rest at a state, shape (3, 3)."""
+        self.states = np.repeat(state[None], count, 0)
+        self.velocities: Array = np.zeros_like(self.states)
+
+    def propose(self, dt: float, sigmas: Array, autoregression: float,
+                move: Array | None = None, share: float = 0.0) -> None:
+        """Move every particle; the followers go with the measured movement instead."""
+        before = self.states
+        noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(before), 6))
+        drift = autoregression * dt * self.velocities
+        base = before
+        followers = self._followers(move, share)
+        if followers:
+            # particles come in the order of resampling, so that the followers are spread evenly
+            chosen = np.linspace(0, len(before) - 1, followers).astype(int)
+            base = before.copy()
+            base[chosen] = move @ before[chosen]
+            drift[chosen] = 0
+        states = base @ affine.exponential(drift + affine.from_coordinates(noise))
+        refused = ~self._allowed(states)
+        states[refused] = before[refused]
+        velocities = affine.logarithm(affine.inverse(before) @ states) / dt
+        velocities[~np.isfinite(velocities[:, 0, 0])] = 0
+        self.states, self.velocities = states, velocities
+
+    def mean(self, weights: Array) -> Array:
+        """Return the sample mean on the group."""
+        return affine.group_mean(self.states, weights)
+
+    def grow(self, factor: float) -> None:
+        """Multiply the particles' scale by a factor."""
+        self.states[:, :2, :2] *= factor
+
+    def _shift(self, chosen: NDArray[np.intp], step: Array) -> None:
+        self.states[chosen, :2, 2] += step
+
+    def _keep(self, chosen: NDArray[np.intp]) -> None:
+        self.states, self.velocities = self.states[chosen], self.velocities[chosen]
+
+
+class VectorParticles(AffineParticles):
+    """
+    Independent random walks of six geometric parameters [Ross2008, sec. 4.1].
+
+    The estimate is the particle of the largest weight, as theirs.
+    """
+
+    def restart(self, state: Array, count: int) -> None:
+        """Put `count` particles at a state, shape (3, 3), that has no stretch."""
+        vector = np.zeros(6)
+        vector[0], vector[2] = np.log(affine.scale(state)), affine.angle(state)
+        vector[4:] = state[:2, 2]
+        self.vectors: Array = np.repeat(vector[None], count, 0)
+        self.states = affine.from_vector(self.vectors)
+
+    def propose(self, dt: float, sigmas: Array, autoregression: float,
+                move: Array | None = None, share: float = 0.0) -> None:
+        """Move every particle by noise alone: `autoregression` and `move` aren't for it."""
+        noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(self.vectors), 6))
+        noise[:, 4:] *= np.exp(self.vectors[:, :1])
+        vectors = self.vectors + noise
+        states = affine.from_vector(vectors)
+        refused = ~self._allowed(states)
+        vectors[refused], states[refused] = self.vectors[refused], self.states[refused]
+        self.vectors, self.states = vectors, states
+
+    def mean(self, weights: Array) -> Array:
+        """Return the particle of the largest weight."""
+        best: Array = self.states[int(weights.argmax())].copy()
+        return best
+
+    def _keep(self, chosen: NDArray[np.intp]) -> None:
+        self.vectors, self.states = self.vectors[chosen], self.states[chosen]
+
+    def grow(self, factor: float) -> None:
+        """Multiply the particles' scale by a factor."""
+        self.vectors[:, 0] += np.log(factor)
+        self.states[:, :2, :2] *= factor
+
+    def _shift(self, chosen: NDArray[np.intp], step: Array) -> None:
+        self.vectors[chosen, 4:] += step
+        self.states[chosen, :2, 2] += step
