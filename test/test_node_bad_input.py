@@ -1,4 +1,12 @@
-"""Bad input, and what the node says to it: it lives, and tracks the next good frame."""
+"""
+Bad input, and what the node says to it: it lives, and tracks the next good frame.
+
+`python test/test_node_bad_input.py` writes what it says into docs/results/bad_input.md.
+"""
+
+from contextlib import contextmanager
+from pathlib import Path
+import re
 
 from node_harness import Client, image_message, NodeProcess, Scene, STEP
 import pytest
@@ -84,33 +92,42 @@ CALIBRATIONS = [
 
 #: Parameters: name, value, what the node says.
 PARAMETERS = [
-    ('tracker', 'csrt', 'one of'),
-    ('tracker', 7, 'Type.STRING'),
-    ('seed', -1, 'out of range'),
-    ('seed', 1.5, 'Type.INTEGER'),
+    ('tracker', 'csrt', 'must be one of gmpf'),
+    ('tracker', 7, 'must be one of gmpf'),
+    ('seed', -1, 'an integer from 0 to 2147483647, not -1'),
+    ('seed', 1.5, 'an integer from 0 to 2147483647, not 1.5'),
     ('init_box', [1.0, 2.0], '2 values'),
     ('init_box', [0.0, 0.0, -5.0, 5.0], 'must be positive'),
     ('init_box', [0.0, NAN, 5.0, 5.0], 'must be finite'),
     ('init_box', 'the ball', 'valid is [x, y, width, height]'),
-    ('gmpf.particles', 0, 'out of range'),
-    ('gmpf.particles', 10**12, 'out of range'),
-    ('gmpf.particles', 'many', 'Type.INTEGER'),
-    ('gmpf.particels', 100, 'unknown parameter'),
-    ('history_seconds', -1.0, 'out of range'),
-    ('history_megabytes', 1e9, 'out of range'),
-    ('init_score', 1.01, 'out of range'),
-    ('init_score', NAN, 'out of range'),
-    ('pose_units', 'feet', 'one of'),
-    ('target_width', -0.1, 'out of range'),
+    ('gmpf.particles', 0, 'an integer from 2 to 5000, not 0'),
+    ('gmpf.particles', 10**12, 'an integer from 2 to 5000'),
+    ('gmpf.particles', 'many', "an integer from 2 to 5000, not 'many'"),
+    ('gmpf.particels', 100, 'gmpf.particles'),
+    ('history_seconds', -1.0, 'a number from 0 to 30 s, not -1.0'),
+    ('history_megabytes', 1e9, 'a number from 0 to 1024 MB'),
+    ('init_score', 1.01, 'a number from 0 to 1, not 1.01'),
+    ('init_score', NAN, 'a number from 0 to 1, not nan'),
+    ('init_score', 1, 'with a decimal point: 1.0, not 1'),
+    ('init_from_detections', 1, 'true or false, not 1'),
+    ('pose_units', 'feet', 'one of auto, pixels, ray, metres'),
+    ('target_width', -0.1, 'a number from 0 to 1000 m, not -0.1'),
     ('reliability', 'best_effort', 'read-only'),
-    ('image_transport', 'theora', 'read-only'),
-    ('nonsense', True, 'unknown parameter'),
+    ('image_transport', 'theora', 'one of raw, compressed'),
+    ('nonsense', True, 'valid are tracker, seed'),
 ]
 
 
 @pytest.fixture(scope='module')
 def talk():
-    """Return the process and a client of a node that has its target."""
+    """Return a client of a node that has its target."""
+    with talking() as client:
+        yield client
+
+
+@contextmanager
+def talking():
+    """Start a node, and return a client that has shown it its target."""
     with NodeProcess() as process, Client() as client:
         client.ready()
         client.process = process
@@ -144,6 +161,16 @@ def malformed(client):
     return int(client.state_after(answer)['frames_malformed'])
 
 
+def send_image(client, message, words):
+    """Send a bad image, and wait until the node has said the words; return all that it said."""
+    since = len(client.process.log)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(
+        STEP * (client.index + 1), 10**9)
+    client.images.publish(message)
+    # The node takes the newest image alone: a good one must not overtake the bad one.
+    return client.process.wait_for_log(words, since)
+
+
 def send_other(client, topic, message, words):
     """Send a bad selection or calibration, and good frames until the node has said the words."""
     since = len(client.process.log)
@@ -158,13 +185,8 @@ def send_other(client, topic, message, words):
 @pytest.mark.parametrize('name, message, words', IMAGES, ids=[row[0] for row in IMAGES])
 def test_images(talk, name, message, words):
     """A malformed image is counted and told about, and the next good frame is tracked."""
-    since = len(talk.process.log)
     before = malformed(talk)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(
-        STEP * (talk.index + 1), 10**9)
-    talk.images.publish(message)
-    # The node takes the newest image alone: a good one must not overtake the bad one.
-    talk.process.wait_for_log(words, since)
+    send_image(talk, message, words)
     assert malformed(talk) == before + 1
     assert good_frame(talk).detections
 
@@ -199,3 +221,44 @@ def test_parameters(talk, name, value, words):
     assert not result.successful
     assert words in result.reason
     assert good_frame(talk).detections
+
+
+def write_page(path):
+    """Write a table of all bad input and what the node says to it."""
+    rows = []
+    with talking() as client:
+        for name, message, words in IMAGES:
+            rows.append((f'image: {name}', line(send_image(client, message, words), words)))
+            assert good_frame(client).detections
+        for name, topic, message, words in SELECTIONS:
+            restart(client)
+            rows.append((f'{topic}: {name}', line(
+                send_other(client, topic, message, words), words)))
+        for name, message, words in CALIBRATIONS:
+            restart(client)
+            rows.append((f'camera_info: {name}', line(
+                send_other(client, 'camera_info', message, words), words)))
+        for name, value, words in PARAMETERS:
+            restart(client)
+            result, = client.change(**{name.replace('.', '__'): value})
+            rows.append((f'parameter {name}: {value!r}', result.reason))
+    table = '\n'.join(f'| {what} | {said} |'.replace('<', '&lt;') for what, said in rows)
+    path.write_text(f'''# What the node says to bad input
+
+Written by `python test/test_node_bad_input.py`, which sends each of these {len(rows)} to a running
+node and makes sure that it tracks the next good frame. The test of the same name does so too.
+
+| input | answer |
+| --- | --- |
+{table}
+''')
+
+
+def line(log, words):
+    """Return the line of a log that has the words, without time and name."""
+    found = next(line for line in log.splitlines() if words in line)
+    return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', found)
+
+
+if __name__ == '__main__':
+    write_page(Path(__file__).resolve().parents[1] / 'docs' / 'results' / 'bad_input.md')

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 #: The same line comes at most once in that many seconds ...
 PERIOD = 2.0
 #: ... and no more than that many different ones.
-MOST = 20
+MOST = 30
 
 
 class Log(Protocol):

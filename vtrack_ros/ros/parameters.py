@@ -174,18 +174,35 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
 
 
 class TellingNode(Node):
-    """A node that names an unknown parameter, and those that are known, when it refuses it."""
+    """
+    A node that says what is valid when it refuses a parameter.
+
+    rclpy's own answers leave out the name of an unknown parameter, and the range of one that is of
+    the wrong type.
+
+    """
 
     def set_parameters_atomically(
             self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set all of the parameters, or none."""
-        unknown = [row.name for row in parameter_list if not self.has_parameter(row.name)]
-        if unknown:
-            reason = ', '.join(map(repr, unknown))
-            return SetParametersResult(
-                successful=False,
-                reason=f'unknown parameter {reason}; valid are {_neighbours(unknown[0])}')
+        table = parameter_table()
+        try:
+            for parameter in parameter_list:
+                name, value = parameter.name, parameter.value
+                if name in table:
+                    _check_as_ros_does(table[name], value)
+                elif not self.has_parameter(name):
+                    raise ValueError(f'unknown parameter {name!r}; valid are {_neighbours(name)}')
+        except (TypeError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
         return super().set_parameters_atomically(parameter_list)
+
+
+def _check_as_ros_does(row: Parameter, value: Any) -> None:
+    row.checked(value)
+    if row.kind is float and isinstance(value, int):
+        raise TypeError(f'{row.name} must be {row.valid}, with a decimal point: {float(value)}, '
+                        f'not {value}')
 
 
 def _neighbours(name: str) -> str:
