@@ -15,7 +15,7 @@ from vtrack_ros.trackers.registry import create_tracker
 
 PRESETS = ('default', 'paper')
 TRACKERS = ('abmspf', 'abms')
-SETTINGS = Settings(particles=20, accepted=0.8, rejected=0.5, region=1.0, inertia=0.5, growth=0.1,
+SETTINGS = Settings(particles=20, accepted=0.8, rejected=0.5, region=0.5, inertia=0.5, growth=0.1,
                     levels=16, background=True, learning=0.0)
 
 
@@ -207,7 +207,8 @@ def test_rotation_is_reported_by_the_paper_preset():
     """The angle is that of the drawn ellipse, clockwise positive, from the start on."""
     frames = [drawn((160, 120), (50, 22), math.radians(3 * index), seed=index)
               for index in range(20)]
-    angle = followed('abmspf', frames, Box.from_center(160, 120, 100, 44), preset='paper')[-1].angle
+    box = Box.from_center(160, 120, 100, 44)
+    angle = followed('abmspf', frames, box, preset='paper')[-1].angle
     assert angle == pytest.approx(math.radians(57), abs=math.radians(10))
 
 
