@@ -242,6 +242,7 @@ def test_full_weights_are_the_paper_s():
 
 @pytest.mark.parametrize('options, name', [
     ({'particles': 0}, 'particles'), ({'particles': 1.5}, 'particles'),
+    ({'particles': math.nan}, 'particles'), ({'particles': 'many'}, 'particles'),
     ({'threshold': 1.5}, 'threshold'), ({'threshold': math.nan}, 'threshold'),
     ({'resampling': 'roulette'}, 'resampling'), ({'weighting': 'none'}, 'weighting')])
 def test_wrong_options_are_refused(options, name):

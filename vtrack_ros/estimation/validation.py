@@ -78,9 +78,13 @@ def checked_count(name: str, value: int, least: int = 1) -> int:
         If it isn't a whole number or too small.
 
     """
-    if isinstance(value, bool) or int(value) != value or value < least:
+    try:
+        number = int(value)
+    except (TypeError, ValueError, OverflowError):
+        number = least - 1
+    if isinstance(value, bool) or number != value or number < least:
         raise ValueError(f'{name} must be a whole number of at least {least}, not {value!r}')
-    return int(value)
+    return number
 
 
 def checked_positive(name: str, value: float) -> float:
@@ -93,7 +97,10 @@ def checked_positive(name: str, value: float) -> float:
         If it isn't.
 
     """
-    number = float(value)
-    if not (np.isfinite(number) and number > 0):
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = -1.0
+    if not 0 < number < np.inf:
         raise ValueError(f'{name} must be positive and finite, not {value!r}')
     return number
