@@ -27,11 +27,11 @@ def reliability(likelihoods: Array) -> Array:
     Returns
     -------
     ndarray, shape (cues,)
-        1 - mean / maximum, in [0, 1]; 0 for a cue that abstains.
+        1 - mean / maximum, in [0, 1]; 0 for a cue that abstains, or finds all impossible.
 
     """
     highest = likelihoods.max(axis=1)
-    contrast = 1 - likelihoods.mean(axis=1) / np.maximum(highest, _LEAST)
+    contrast = np.where(highest > 0, 1 - likelihoods.mean(axis=1) / np.maximum(highest, _LEAST), 0)
     result: Array = np.nan_to_num(contrast, nan=0.0)
     return result
 

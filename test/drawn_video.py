@@ -1,0 +1,64 @@
+"""A drawn target, textured like its background but with other colours, that goes where it's told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import cv2
+import numpy as np
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+SIZE = (320, 240)
+TARGET = (48, 40)
+START = (140.0, 110.0)
+
+
+def texture(shape: tuple[int, int], colours: list[tuple[int, int, int]], blob: int,
+            rng: np.random.Generator) -> Frame:
+    """Return an image of smooth blobs between the given colours (BGR)."""
+    rows, columns = (-(-side // blob) + 2 for side in shape)
+    coarse = np.array(colours, np.float32)[rng.integers(len(colours), size=(rows, columns))]
+    fine = cv2.resize(coarse, (columns * blob, rows * blob), interpolation=cv2.INTER_CUBIC)
+    fine = fine[:shape[0], :shape[1]] + rng.normal(0, 3, (*shape, 1))
+    return np.clip(fine, 0, 255).astype(np.uint8)
+
+
+class DrawnVideo:
+    """Frames of a target on a background; places are centres in pixels, with subpixels."""
+
+    def __init__(self, colour: bool = True, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        self.colour = colour
+        self._background = texture(
+            SIZE[::-1], [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)], 12, rng)
+        self._target = texture(
+            TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8, rng)
+        self._rng = rng
+
+    def frame(self, center: tuple[float, float] | None, noise: float = 2.0) -> Frame:
+        """Draw the target at a centre, or the background alone."""
+        image = self._background.astype(np.float32)
+        if center is not None:
+            matrix = np.array([[1.0, 0.0, center[0] - TARGET[0] / 2],
+                               [0.0, 1.0, center[1] - TARGET[1] / 2]])
+            cv2.warpAffine(self._target.astype(np.float32), matrix, SIZE, dst=image,
+                           flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
+        image += self._rng.normal(0, noise, (*image.shape[:2], 1)).astype(np.float32)
+        result = np.clip(image, 0, 255).astype(np.uint8)
+        return result if self.colour else cv2.cvtColor(result, cv2.COLOR_BGR2GRAY)
+
+    def frames(self, centers: Iterable[tuple[float, float] | None]) -> Iterator[Frame]:
+        """Draw one frame for each centre."""
+        return (self.frame(center) for center in centers)
+
+
+def box_at(center: tuple[float, float]) -> Box:
+    """Return the target's true box."""
+    return Box.from_center(*center, *TARGET)
+
+
+def straight(steps: int, velocity: tuple[float, float]) -> list[tuple[float, float]]:
+    """Return the centres of `steps` steps at a constant velocity, [px], the start first."""
+    return [(START[0] + i * velocity[0], START[1] + i * velocity[1]) for i in range(steps + 1)]

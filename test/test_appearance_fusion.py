@@ -1,0 +1,106 @@
+"""Rules of fusion against the theory of evidence, worked out by sets."""
+
+from __future__ import annotations
+
+from itertools import product as pairs
+
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.fusion import (
+    dempster_shafer, FUSION_RULES, product, reliability, weighted_sum)
+
+TARGET, OTHER = frozenset({'target'}), frozenset({'other'})
+EITHER = TARGET | OTHER
+
+
+def combined(masses):
+    """Return the masses by Dempster's rule: products of masses go to the sets' intersections."""
+    result = {EITHER: 1.0}
+    for one in masses:
+        sums = {TARGET: 0.0, OTHER: 0.0, EITHER: 0.0}
+        conflict = 0.0
+        for (a, mass_a), (b, mass_b) in pairs(result.items(), one.items()):
+            if a & b:
+                sums[a & b] += mass_a * mass_b
+            else:
+                conflict += mass_a * mass_b
+        result = {key: value / (1 - conflict) for key, value in sums.items()}
+    return result
+
+
+@pytest.mark.parametrize('trusts', [(0.9, 0.4), (0.3, 0.3), (0.7, 0.2, 0.6)])
+def test_dempsters_rule_by_intersections_of_sets(trusts):
+    """Discounted masses on {target}, {other} and both; half of the unknown is the target's."""
+    likelihoods = np.random.default_rng(0).uniform(size=(len(trusts), 9))
+    found = np.exp(dempster_shafer(likelihoods, np.array(trusts)))
+    for column, value in zip(likelihoods.T, found):
+        masses = combined(
+            {TARGET: r * p, OTHER: r * (1 - p), EITHER: 1 - r} for p, r in zip(column, trusts))
+        assert value == pytest.approx(masses[TARGET] + masses[EITHER] / 2)
+
+
+def test_full_trust_gives_the_normalised_product():
+    """p q / (p q + (1 - p)(1 - q)), to the doubt that is always left."""
+    p, q = np.meshgrid(np.linspace(0.2, 0.8, 7), np.linspace(0.2, 0.8, 7))
+    found = np.exp(dempster_shafer(np.stack([p.ravel(), q.ravel()]), np.ones(2)))
+    expected = p * q / (p * q + (1 - p) * (1 - q))
+    np.testing.assert_allclose(found, expected.ravel(), atol=0.01)
+
+
+def test_it_doesnt_matter_which_cue_comes_first():
+    """Dempster's rule commutes."""
+    rng = np.random.default_rng(1)
+    likelihoods, trusts = rng.uniform(size=(3, 20)), np.array([0.9, 0.1, 0.5])
+    order = [2, 0, 1]
+    np.testing.assert_allclose(dempster_shafer(likelihoods, trusts),
+                               dempster_shafer(likelihoods[order], trusts[order]))
+
+
+def test_certain_cues_that_contradict_each_other():
+    """Total conflict between two fully trusted cues decides nothing, and divides by no zero."""
+    found = np.exp(dempster_shafer(np.array([[1.0], [0.0]]), np.ones(2)))
+    assert found[0] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize('rule', FUSION_RULES.values(), ids=FUSION_RULES.keys())
+def test_a_cue_without_reliability_is_left_out(rule):
+    """Also one that abstains with NaN: the rest decides as if it were alone."""
+    heard = np.random.default_rng(2).uniform(0.1, 1, size=(1, 30))
+    alone = rule(heard, np.array([0.8]))
+    for silent in (np.full((1, 30), np.nan), np.random.default_rng(3).uniform(size=(1, 30))):
+        both = rule(np.concatenate([heard, silent]), np.array([0.8, 0.0]))
+        np.testing.assert_allclose(both, alone)
+
+
+@pytest.mark.parametrize('rule', FUSION_RULES.values(), ids=FUSION_RULES.keys())
+def test_what_both_cues_prefer_wins(rule):
+    """A hypothesis that is better for every cue has the higher log-likelihood."""
+    likelihoods = np.array([[0.2, 0.5, 0.9], [0.1, 0.6, 0.7]])
+    found = rule(likelihoods, np.array([0.5, 0.9]))
+    assert found[0] < found[1] < found[2]
+    assert np.isfinite(rule(np.array([[0.0, 1.0], [0.0, 1.0]]), np.ones(2))).all()
+
+
+def test_without_any_cue_all_hypotheses_are_alike():
+    """Nobody knows anything: finite, and the same for all."""
+    for rule in FUSION_RULES.values():
+        found = rule(np.full((2, 5), np.nan), np.zeros(2))
+        assert np.isfinite(found).all() and np.ptp(found) == 0
+
+
+def test_product_and_sum():
+    """The sum of logs, and the log of the mean that the reliabilities weight."""
+    likelihoods, trusts = np.array([[0.5, 0.2], [0.4, 0.8]]), np.array([0.25, 0.75])
+    np.testing.assert_allclose(product(likelihoods, trusts), np.log([0.2, 0.16]))
+    np.testing.assert_allclose(
+        weighted_sum(likelihoods, trusts),
+        np.log([0.25 * 0.5 + 0.75 * 0.4, 0.25 * 0.2 + 0.75 * 0.8]))
+
+
+def test_reliability_is_contrast():
+    """None for a flat cue, even at 0, nor for one that abstains; near 1 for one that decides."""
+    flat, peaked = np.full(100, 0.7), np.zeros(100)
+    peaked[3] = 1
+    found = reliability(np.stack([flat, peaked, np.full(100, np.nan), np.zeros(100)]))
+    np.testing.assert_allclose(found, [0, 0.99, 0, 0], atol=1e-12)

@@ -1,0 +1,168 @@
+"""Colour histograms against a plain computation, pixel by pixel."""
+
+from __future__ import annotations
+
+import colorsys
+import math
+
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.histogram import ColourHistogram, sampled_histograms
+
+
+def plain_histogram(frame, box, bins=6, grid=12, kernel='flat'):
+    """Return the histogram of a box, sampled at the middles of a grid's meshes."""
+    levels = bins**3 if frame.ndim == 3 else bins**2
+    result, total = np.zeros(levels), 0.0
+    for row in range(grid):
+        for column in range(grid):
+            across, down = (column + 0.5) / grid - 0.5, (row + 0.5) / grid - 0.5
+            radius2 = (across**2 + down**2) / 0.25
+            weight = 1.0 if kernel == 'flat' else max(0.0, 1 - radius2)
+            total += weight
+            x, y = math.floor(box[0] + across * box[2]), math.floor(box[1] + down * box[3])
+            if not (0 <= x < frame.shape[1] and 0 <= y < frame.shape[0]):
+                continue
+            if frame.ndim == 2:
+                level = int(frame[y, x]) * levels // 256
+            else:
+                blue, green, red = (int(value) * bins // 256 for value in frame[y, x])
+                level = (blue * bins + green) * bins + red
+            result[level] += weight
+    return result / total
+
+
+def random_frame(colour=True, seed=0):
+    """Return noise of every colour."""
+    shape = (60, 80, 3) if colour else (60, 80)
+    return np.random.default_rng(seed).integers(256, size=shape, dtype=np.uint8)
+
+
+@pytest.mark.parametrize('kernel', ['flat', 'epanechnikov'])
+@pytest.mark.parametrize('colour', [True, False])
+def test_histograms_are_those_of_a_plain_computation(kernel, colour):
+    """Boxes inside, across each border and outside, all in one call."""
+    frame = random_frame(colour)
+    boxes = np.array([
+        [40.0, 30.0, 20.0, 12.0], [40.3, 30.8, 17.3, 21.9], [1.0, 2.0, 14.0, 18.0],
+        [79.5, 59.5, 30.0, 10.0], [200.0, 30.0, 20.0, 20.0], [-60.0, -50.0, 9.0, 9.0],
+        [40.0, 30.0, 3.0, 2.0]])
+    found = ColourHistogram(kernel=kernel).histograms(frame, boxes)
+    for box, histogram in zip(boxes, found):
+        np.testing.assert_allclose(
+            histogram, plain_histogram(frame, box, kernel=kernel), atol=1e-12)
+
+
+def test_what_is_outside_is_missing_from_the_sum():
+    """A flat histogram loses mass in proportion to what the image's border cuts off."""
+    frame = random_frame()
+    histograms = ColourHistogram().histograms(frame, np.array([
+        [40.0, 30.0, 24.0, 24.0], [0.0, 30.0, 24.0, 24.0], [0.0, 0.0, 24.0, 24.0],
+        [-40.0, 30.0, 24.0, 24.0]]))
+    np.testing.assert_allclose(histograms.sum(axis=1), [1, 0.5, 0.25, 0], atol=1e-12)
+
+
+def test_the_epanechnikov_profile():
+    """1 - r^2 inside the inscribed ellipse, nothing in the corners [Qi2012, eq. 5]."""
+    grid = 10
+    frame = np.zeros((grid, grid), np.uint8)
+    frame.flat = np.arange(grid * grid)
+    histogram = ColourHistogram(bins=16, kernel='epanechnikov', grid=grid).histograms(
+        frame, np.array([[grid / 2, grid / 2, grid, grid]]))[0]
+    weights = histogram[:grid * grid].reshape(grid, grid)
+    y, x = (np.mgrid[:grid, :grid] + 0.5) / grid - 0.5
+    expected = np.maximum(0, 1 - 4 * (x**2 + y**2))
+    np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-12)
+    assert weights[0, 0] == 0
+    assert weights.max() == weights[grid // 2, grid // 2]
+
+
+@pytest.mark.parametrize('kernel', ['flat', 'epanechnikov'])
+def test_bhattacharyya_coefficients(kernel):
+    """1 with itself, 0 with what shares no colour, the formula in between, and symmetric."""
+    frame = np.zeros((60, 80, 3), np.uint8)
+    frame[:, :40] = (255, 0, 0)
+    frame[:, 40:] = (0, 0, 255)
+    histogram = ColourHistogram(kernel=kernel)
+    left, right = np.array([20.0, 30.0, 20.0, 20.0]), np.array([60.0, 30.0, 20.0, 20.0])
+    half = np.array([40.0, 30.0, 20.0, 20.0])
+    blue, both = histogram.reference(frame, left), histogram.reference(frame, half)
+    coefficients = histogram.coefficients(frame, np.array([left, right, half]), blue)
+    np.testing.assert_allclose(coefficients, [1, 0, math.sqrt(0.5)], atol=1e-12)
+    assert histogram.coefficients(frame, left[None], both)[0] == pytest.approx(coefficients[2])
+
+
+def test_coefficients_of_noise_are_in_range_and_follow_the_formula():
+    """The sum of the roots of products, at most one by Cauchy and Schwarz."""
+    frame = random_frame()
+    histogram = ColourHistogram()
+    reference = histogram.reference(frame, np.array([30.0, 20.0, 20.0, 20.0]))
+    rng = np.random.default_rng(1)
+    boxes = np.column_stack([rng.uniform(-10, 90, 200), rng.uniform(-10, 70, 200),
+                             rng.uniform(2, 40, 200), rng.uniform(2, 40, 200)])
+    coefficients = histogram.coefficients(frame, boxes, reference)
+    assert (coefficients >= 0).all() and (coefficients <= 1 + 1e-12).all()
+    for index in (0, 50, 199):
+        alone = histogram.histograms(frame, boxes[index:index + 1])[0]
+        assert histogram.coefficients(frame, boxes[index:index + 1], reference)[0] == (
+            pytest.approx(np.sqrt(alone * reference).sum()))
+
+
+def test_the_reference_of_a_box_across_the_border_is_normalised():
+    """What is seen of a target that begins at the border is its whole reference."""
+    frame = random_frame()
+    reference = ColourHistogram().reference(frame, np.array([0.0, 30.0, 24.0, 24.0]))
+    assert reference.sum() == pytest.approx(1)
+
+
+def test_hue_doesnt_change_with_brightness():
+    """In HSV a colour and its darker shade share their bins of hue and saturation."""
+    histogram = ColourHistogram(space='hsv')
+    box = np.array([20.0, 20.0, 20.0, 20.0])
+    levels = []
+    for value in (0.9, 0.4):
+        red, green, blue = colorsys.hsv_to_rgb(0.45, 0.75, value)
+        frame = np.full((40, 40, 3), [round(255 * c) for c in (blue, green, red)], np.uint8)
+        level = int(histogram.reference(frame, box).argmax())
+        levels.append(divmod(level, 6))
+    assert levels[0][0] == levels[1][0] == int(0.45 * 6) * 6 + int(0.75 * 6)
+    assert [value for _, value in levels] == [int(0.9 * 6), int(0.4 * 6)]
+
+
+def test_large_boxes_are_sampled_by_the_same_number_of_points():
+    """A uniform half of a huge box has half of the mass, however large the box is."""
+    frame = np.zeros((1000, 1600, 3), np.uint8)
+    frame[:, 800:] = 255
+    for side in (30.0, 300.0, 900.0):
+        found = ColourHistogram().histograms(frame, np.array([[800.0, 500.0, side, side]]))[0]
+        assert found[0] == pytest.approx(0.5) and found[-1] == pytest.approx(0.5)
+
+
+def test_climbing_ends_on_the_target_from_any_side():
+    """Mean shift from a third of the target's side away ends within a twelfth of it."""
+    rng = np.random.default_rng(2)
+    frame = rng.integers(90, 130, size=(120, 160, 3), dtype=np.uint8)
+    frame[40:80, 60:100] = rng.integers(180, 255, size=(40, 40, 3), dtype=np.uint8)
+    histogram = ColourHistogram()
+    target = np.array([80.0, 60.0, 40.0, 40.0])
+    reference = histogram.reference(frame, target)
+    for x, y in ((13, 0), (-13, 5), (0, 13), (9, -9)):
+        top = histogram.climb(frame, target + [x, y, 0, 0], reference)
+        assert np.abs(top - target)[:2].max() < 40 / 12
+        np.testing.assert_array_equal(top[2:], target[2:])
+
+
+def test_climbing_outside_the_image_stays_put():
+    """Nothing to see, nowhere to go."""
+    histogram = ColourHistogram()
+    frame = random_frame()
+    reference = histogram.reference(frame, np.array([30.0, 20.0, 20.0, 20.0]))
+    away = np.array([500.0, 400.0, 20.0, 20.0])
+    np.testing.assert_array_equal(histogram.climb(frame, away, reference), away)
+
+
+def test_no_image_no_mass():
+    """An empty image of bins gives empty histograms."""
+    result = sampled_histograms(np.zeros((0, 0), np.intp), 7, np.ones((3, 4)), 4, np.ones(16))
+    np.testing.assert_array_equal(result, np.zeros((3, 7)))
