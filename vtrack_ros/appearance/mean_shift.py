@@ -189,6 +189,11 @@ class EllipseColours:
         moment = self._moment(frame, center, matrix)
         return square_root(self.moment @ moment @ self.moment)
 
+    @property
+    def separation(self) -> float:
+        """How unlike its surroundings the target is: 1 where they share no colour."""
+        return 1.0 - float(np.sqrt(self.histogram * self.background).sum())
+
     def likelihood(self, pixels: Frame) -> Array:
         """Return how much each pixel's colour speaks for the target, in [0, 1]."""
         rows, columns = pixels.shape[:2]
@@ -199,7 +204,7 @@ class EllipseColours:
 
     @property
     def _levels(self) -> int:
-        return round(len(self.histogram) ** (1 / 3))
+        return int(round(len(self.histogram) ** (1 / 3)))
 
     def _indexed(self) -> EllipseColours:
         """Derive what the candidates are compared with."""

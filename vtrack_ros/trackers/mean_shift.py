@@ -27,7 +27,7 @@ _SHARED = ParameterTable([
 _PARTICLES = ParameterTable([
     Parameter('particles', 20, 'Number of particles.', 1, 2000),
     Parameter('accepted', 0.8, 'Likeness th from which mean shift is trusted.', 0.0, 1.0),
-    Parameter('region', 1.0, 'Reach of the redrawn particles, in semi-axes of the target.',
+    Parameter('region', 0.5, 'Reach of the redrawn particles, in semi-axes of the target.',
               0.0, 5.0),
     Parameter('inertia', 0.5, 'Share of the last step that the motion model expects again.',
               0.0, 1.0),
@@ -35,11 +35,17 @@ _PARTICLES = ParameterTable([
 
 
 class AdaptiveBandwidthMeanShift(Tracker):
-    """Mean shift with an adaptive bandwidth, the baseline of [Yin2013]: no particles."""
+    """
+    Mean shift with an adaptive bandwidth, the baseline of [Yin2013, sec. 1.1]: no particles.
+
+    It's ABMSPF without them, and without the search near the last place: when it's lost, it
+    searches the whole frame for blobs of the target's colours at once (paper preset).
+    """
 
     NAME = 'abms'
     SUMMARY = 'adaptive-bandwidth mean shift (ABMS)'
     PARAMETERS = _SHARED
+    _engine: ColourMeanShift | EvidenceMeanShift
 
     def _configure(self) -> None:
         values = self._parameters
@@ -48,13 +54,15 @@ class AdaptiveBandwidthMeanShift(Tracker):
             accepted=float(values.get('accepted', 0.8)),
             rejected=float(values['rejected']), region=float(values.get('region', 0.0)),
             inertia=float(values.get('inertia', 0.0)), growth=float(values['growth']),
-            levels=int(str(values['levels'])), background=bool(values['background']), learning=float(values['learning']))
+            levels=int(str(values['levels'])), background=bool(values['background']),
+            learning=float(values['learning']))
         if self._frame_shape is not None:
             self._engine.settings = self._settings
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        kind = ColourMeanShift if self._parameters['preset'] == 'paper' else EvidenceMeanShift
-        self._engine: ColourMeanShift | EvidenceMeanShift = kind(self._rng, self._settings)
+        as_printed = self._parameters['preset'] == 'paper'
+        kind = ColourMeanShift if as_printed else EvidenceMeanShift
+        self._engine = kind(self._rng, self._settings)
         return self._engine.start(frame, box)
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
@@ -65,6 +73,13 @@ class MeanShiftParticleFilter(AdaptiveBandwidthMeanShift):
     """
     ABMSPF, adaptive-bandwidth mean shift fused with few particles [Yin2013].
 
+    Mean shift gives one place, the best of a few particles another; they are fused by their
+    distance and the likeness (eqs 13-15), the particles converge on the result and are redrawn
+    about it, and a search in three stages begins where the two contradict each other or nothing is
+    like the target. The preset says what is climbed: `ColourMeanShift` and `EvidenceMeanShift`.
+
+    Printed otherwise, and mended: eq. 2's denominator lacks the weights; eq. 10 has `h11 - h12`
+    for `h11 - h22`; eq. 11 lets an unchanged target grow by sigma^2 / 4 each time.
     """
 
     NAME = 'abmspf'

@@ -27,15 +27,15 @@ _SAMPLES, _BLOBS = 20000, 12
 _SMALLEST, _LARGEST = 0.3, 4.0
 #: The ratio of the axes changes by at most this factor in all.
 _ASPECT = 1.6
-#: Share of the measured change of form that is taken in one frame.
+#: Share of the measured change of form that is taken in one frame, where the target shares no
+#: colour with its surroundings.
 _GAIN = 0.4
-_ADAPT = 0.5
 #: An ellipse nearer to a circle than this ratio of the axes has no angle.
 _ROUND = 1.15
 #: Likeness at which on and off the target are even, and the width of the transition.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.4, 0.1
 #: Width of the likelihood that the covariance is of, and errors in units of the size.
-_LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.08, 0.15
+_LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.12, 0.15
 
 _STENCIL = np.array([(x, y) for x in (-0.5, 0.0, 0.5) for y in (-0.5, 0.0, 0.5)])
 
@@ -50,8 +50,9 @@ class ColourMeanShift:
     - When it fails, the mean of the particles about the forecast is reported, not the best of
       them, which is the likest piece of background.
     - The bandwidth matrix changes by at most `growth` a frame, stays within a range about the
-      first one, and rests while the likeness is below `th`: what an occluder leaves visible isn't
-      the target's form.
+      first one, and follows the less the more colours the target shares with its surroundings. It
+      rests while the likeness is below the mean of `th` and `r`, and goes back to what it was at
+      `th` when the target is lost: what an occluder leaves visible isn't the target's form.
 
     Parameters
     ----------
@@ -171,10 +172,11 @@ class ColourMeanShift:
     def _adapt(self, frame: Frame, zeta: float) -> None:
         """Let bandwidth and colours follow the target, within bounds."""
         settings = self.settings
-        if settings.growth and zeta >= _ADAPT:
+        if settings.growth and zeta >= (settings.rejected + settings.accepted) / 2:
             values, vectors = np.linalg.eigh(
                 self._colours.growth(frame, self._center, self._matrix))
-            values = np.clip(values**_GAIN, 1 / (1 + settings.growth), 1 + settings.growth)
+            gain = _GAIN * self._colours.separation**2
+            values = np.clip(values**gain, 1 / (1 + settings.growth), 1 + settings.growth)
             self._matrix = bounded_frame(
                 self._matrix @ (vectors * values) @ vectors.T, self._first)
             self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle

@@ -16,8 +16,9 @@ from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
 _STEPS = 12
 #: Bandwidth of the last steps, in target sizes: the width of the evidence's peak.
 _FINE = 1 / 16
-#: Likelihood of evidence: what is this share of the best counts 1/e.
-_SHARPNESS = 8.0
+#: Evidence as a likelihood: so many times the share of the highest evidence that is missing is
+#: the negative logarithm.
+_SHARPNESS = 20.0
 #: A place with less than this share of the window's highest evidence is a lesser maximum.
 _DOMINATED = 0.85
 
