@@ -1,9 +1,10 @@
 """
 Latency, loss, CPU and memory of the node, beside a node that does nothing.
 
-`.venv/bin/python benchmarks/latency.py [--tracker T] [--seconds S]` writes docs/results/latency.json
-and .md. The null node takes the image and publishes a pose at once; it's measured in turn with
-ours, block by block, so that both see the same machine. Run it while nothing else runs.
+`.venv/bin/python benchmarks/latency.py [--tracker T] [--seconds S]` writes latency.json and
+latency.md into docs/results. The null node takes the image and publishes a pose at once; it's
+measured in turn with ours, block by block, so that both see the same machine. Run it while
+nothing else runs.
 """
 
 from __future__ import annotations
@@ -393,7 +394,8 @@ def page(results: dict[str, Any]) -> str:
               f'to the first result that shows it p50 {row["ms_p50"]:.1f} ms, p99 '
               f'{row["ms_p99"]:.1f} ms, after at most {row["frames_max"]} frame(s).', '',
               '## Four trackers on one VGA stream at 30 Hz', '',
-              '| tracker | poses | reported missing | p50 | p99 |', '| --- | --- | --- | --- | --- |']
+              '| tracker | poses | reported missing | p50 | p99 |',
+              '| --- | --- | --- | --- | --- |']
     for name, row in results['four'].items():
         lines.append(
             f'| {name} | {row["poses"]} of {row["frames_sent"]} | {row["reported_missing"]} | '

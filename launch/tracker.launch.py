@@ -18,7 +18,7 @@ import yaml
 
 ARGUMENTS = {
     'tracker': ('', 'the tracker; empty: as params_file says, or gmpf'),
-    'image': ('image', 'topic of the images (of CompressedImage with image_transport:=compressed)'),
+    'image': ('image', 'topic of the images; of CompressedImage with image_transport:=compressed'),
     'camera_info': ('camera_info', 'topic of the calibration'),
     'image_transport': ('raw', 'raw or compressed'),
     'init_box': ('', 'the target on the first frame: "[x, y, width, height]" in pixels; empty: '
@@ -27,7 +27,7 @@ ARGUMENTS = {
     'namespace': ('', 'namespace of the node and its topics'),
     'name': ('tracker', 'name of the node'),
     'managed': ('false', 'true: a lifecycle node, to be configured and activated'),
-    'use_sim_time': ('false', "true: the time of /clock, as with ros2 bag play --clock"),
+    'use_sim_time': ('false', 'true: the time of /clock, as with ros2 bag play --clock'),
     'fastdds_profile': ('true', 'true: shared memory that holds images (config/fastdds.xml)'),
     'log_level': ('info', 'debug, info, warn or error'),
 }

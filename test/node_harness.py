@@ -25,6 +25,9 @@ from vision_msgs.msg import BoundingBox2D, Detection2DArray
 from vtrack_ros.geometry import Box
 from vtrack_ros.ros.dds_profile import with_profile
 
+# Whoever sends images needs the profile as well; Fast DDS reads this with the first context.
+os.environ.update(with_profile(os.environ))
+
 #: How long anything may take before a test gives up.
 PATIENCE = 20.0
 #: Steps of the frame stamps, in nanoseconds: 30 Hz.

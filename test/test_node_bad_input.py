@@ -243,7 +243,7 @@ def write_page(path):
             result, = client.change(**{name.replace('.', '__'): value})
             rows.append((f'parameter {name}: {value!r}', result.reason))
     table = '\n'.join(f'| {what} | {said} |'.replace('<', '&lt;') for what, said in rows)
-    path.write_text(f'''# What the node says to bad input
+    path.write_text(f"""# What the node says to bad input
 
 Written by `python test/test_node_bad_input.py`, which sends each of these {len(rows)} to a running
 node and makes sure that it tracks the next good frame. The test of the same name does so too.
@@ -251,7 +251,7 @@ node and makes sure that it tracks the next good frame. The test of the same nam
 | input | answer |
 | --- | --- |
 {table}
-''')
+""")
 
 
 def line(log, words):

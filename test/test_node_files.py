@@ -7,12 +7,11 @@ import re
 
 from node_harness import Client, NodeProcess
 import pytest
-import yaml
-
 from vtrack_ros.node.parameter_files import files
 from vtrack_ros.ros.dds_profile import profile_path, receiving_profile, VARIABLES, with_profile
 from vtrack_ros.ros.parameters import INIT_BOX, NODE_PARAMETERS, parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
+import yaml
 
 #: The topics and services that a node called tracker offers, as layouts name them.
 OFFERED = ['/pose', '/pose_with_covariance', '/detections', '/bounding_box', '/tracker/state',
@@ -57,7 +56,7 @@ def test_a_node_takes_every_parameter_file(repository):
 
 
 def test_layouts_name_topics_that_exist(repository):
-    """RViz and Foxglove show what the node publishes."""
+    """The two of them show what the node publishes."""
     config = repository / 'config'
     tree = yaml.safe_load((config / 'vtrack.rviz').read_text())
     displays = tree['Visualization Manager']['Displays']

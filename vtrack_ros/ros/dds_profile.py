@@ -36,8 +36,8 @@ def receiving_profile(environment: Mapping[str, str]) -> dict[str, str]:
     """
     Return the environment for a process that sends no images.
 
-    Fast DDS takes the whole segment into memory at once, 64 MiB with our profile; who only receives
-    images needs a quarter of that. Profiles other than ours are left as they are.
+    Fast DDS takes the whole segment into memory at once, 64 MiB with our profile; who only
+    receives images needs a quarter of that. Profiles other than ours are left as they are.
 
     """
     result = dict(environment)
