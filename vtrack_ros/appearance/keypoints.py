@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-import scipy.linalg
 
 from vtrack_ros.appearance.window import sample_window
 from vtrack_ros.frame import Frame
@@ -15,7 +14,7 @@ from vtrack_ros.frame import Frame
 Points = NDArray[np.float64]
 
 #: Keypoints are looked for in at most about this many pixels, squared.
-_RESOLUTION = 96
+_RESOLUTION = 80
 _KEYPOINTS = 80
 #: A match counts if its descriptor is this much nearer than the second nearest [Lowe 2004].
 _RATIO = 0.8
@@ -228,12 +227,15 @@ def sylvester_rotation(before: Points, after: Points) -> NDArray[np.float64]:
     scatter, cross = before.T @ before, after.T @ before
     # points on a line leave P singular; a little isotropic scatter changes no rotation
     scatter = scatter + 1e-9 * max(float(np.trace(scatter)), 1e-12) * np.eye(2)
-    precision = np.linalg.inv(scatter)
+    # in the eigenvectors of P the equation is diagonal
+    values, vectors = np.linalg.eigh(scatter)
+    precision = vectors / values @ vectors.T
+    sums = 1 / values[:, None] + 1 / values
     rotation = np.eye(2)
     for _ in range(30):
         product = rotation.T @ cross @ precision
-        multiplier = scipy.linalg.solve_sylvester(
-            precision, precision, product + product.T - 2 * np.eye(2))
+        right = product + product.T - 2 * np.eye(2)
+        multiplier = vectors @ (vectors.T @ right @ vectors / sums) @ vectors.T
         linear = (cross - rotation @ multiplier) @ precision
         turn = np.arctan2(linear[1, 0] - linear[0, 1], linear[0, 0] + linear[1, 1])
         before_turn = np.arctan2(rotation[1, 0], rotation[0, 0])

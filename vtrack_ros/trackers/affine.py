@@ -27,6 +27,8 @@ _KEYPOINT_TOLERANCE = 0.04
 #: Power of the paper's likelihood beside the evidence: both see the same pixels, and a product of
 #: terms that aren't independent is too sure of itself.
 _TEMPERED = 0.3
+#: Samples along each side of a look: the paper's, and what does beside the evidence.
+_SIDE = {'paper': 32, 'default': 24}
 
 _SHARED = ParameterTable([
     Parameter('preset', 'default', 'As printed (paper), or steered by a discriminative model that '
@@ -113,7 +115,8 @@ class AffineTracker(Tracker):
             self._rng)
         self._appearance = AffineAppearance(
             frame, self._state, self._size, int(self._parameters['eigenvectors']),
-            'colour_sigma' in self._parameters)
+            'colour_sigma' in self._parameters,
+            _SIDE[str(self._parameters['preset'])])
         self._detector = KeypointDetector()
         self._keypoints: Keypoints | None = None
         self._measure_movement(frame)

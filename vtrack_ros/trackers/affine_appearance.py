@@ -56,13 +56,15 @@ class AffineAppearance:
         Principal components of the subspace.
     colour : bool
         Whether there's a colour term; a grey frame never has one.
+    side : int
+        Samples along each side of a look.
 
     """
 
     def __init__(self, frame: Frame, first: Array, size: tuple[float, float],
-                 components: int, colour: bool) -> None:
-        patches = AffinePatches(frame, first[None], size)
-        self.size = size
+                 components: int, colour: bool, side: int = 32) -> None:
+        patches = AffinePatches(frame, first[None], size, side)
+        self.size, self.side = size, side
         self.subspace = Subspace.create(patches.grey()[0], components)
         self._first_look = self.subspace.mean
         self._colours: Array | None = None
@@ -94,7 +96,7 @@ class AffineAppearance:
         ndarray, shape (N,)
 
         """
-        patches = AffinePatches(frame, states, self.size)
+        patches = AffinePatches(frame, states, self.size, self.side)
         result = self.subspace.robust_error(patches.grey(), _OUTLIER).astype(np.float64)
         result /= -2 * widths.subspace**2
         if self._colours is not None:
@@ -107,7 +109,8 @@ class AffineAppearance:
 
     def look(self, frame: Frame, state: Array) -> NDArray[np.float32]:
         """Return the grey patch under one affine frame, shape (d,)."""
-        patch: NDArray[np.float32] = AffinePatches(frame, state[None], self.size).grey()[0]
+        patches = AffinePatches(frame, state[None], self.size, self.side)
+        patch: NDArray[np.float32] = patches.grey()[0]
         return patch
 
     def likeness(self, look: NDArray[np.float32]) -> float:

@@ -137,19 +137,21 @@ class GroupParticles(AffineParticles):
         noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(before), 6))
         drift = autoregression * dt * self.velocities
         base = before
-        followers = self._followers(move, share)
-        if followers:
-            # particles come in the order of resampling, so that the followers are spread evenly
-            chosen = np.linspace(0, len(before) - 1, followers).astype(int)
+        # particles come in the order of resampling, so that the followers are spread evenly
+        followers = np.linspace(0, len(before) - 1, self._followers(move, share)).astype(int)
+        if len(followers):
             base = before.copy()
-            base[chosen] = move @ before[chosen]
-            drift[chosen] = 0
-        states = base @ affine.exponential(drift + affine.from_coordinates(noise))
+            base[followers] = move @ before[followers]
+            drift[followers] = 0
+        steps = drift + affine.from_coordinates(noise)
+        states = base @ affine.exponential(steps)
+        # the others' logarithm is the step that they have just made
+        steps[followers] = affine.logarithm(
+            affine.inverse(before[followers]) @ states[followers])
         refused = ~self._allowed(states)
         states[refused] = before[refused]
-        velocities = affine.logarithm(affine.inverse(before) @ states) / dt
-        velocities[~np.isfinite(velocities[:, 0, 0])] = 0
-        self.states, self.velocities = states, velocities
+        steps[refused | ~np.isfinite(steps[:, 0, 0])] = 0
+        self.states, self.velocities = states, steps / dt
 
     def mean(self, weights: Array) -> Array:
         """Return the sample mean on the group."""
