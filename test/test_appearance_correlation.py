@@ -1,0 +1,148 @@
+"""Correlation filters: what they answer to what they have learned."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+import scipy.fft
+
+from vtrack_ros.appearance.correlation import (
+    CorrelationFilter, parabola_offset, subcell_offset, subcell_peak)
+from vtrack_ros.appearance.scale import ScaleFilter
+
+ROWS, COLUMNS, WIDTH = 20, 24, 1.5
+
+
+def features(seed=0, channels=4, rows=ROWS, columns=COLUMNS):
+    """Return random features."""
+    return np.random.default_rng(seed).normal(size=(rows, columns, channels)).astype(np.float32)
+
+
+def label(shift=(0, 0), width=WIDTH):
+    """Return a cyclic Gaussian whose peak is `shift` (x, y) cells from the middle."""
+    y = np.arange(ROWS)[:, None] - ROWS // 2
+    x = np.arange(COLUMNS)[None, :] - COLUMNS // 2
+    gauss = np.exp(-(x**2 + y**2) / (2 * width**2))
+    return np.roll(gauss, (shift[1], shift[0]), (0, 1))
+
+
+def trained(shift=(0.0, 0.0), seed=0):
+    """Return a filter after one example, and the example's spectrum."""
+    empty = CorrelationFilter.create(ROWS, COLUMNS, WIDTH)
+    spectrum = empty.transform(features(seed))
+    return empty.learned(spectrum, 1.0, shift), spectrum
+
+
+@pytest.mark.parametrize('shift', [(0, 0), (3, 0), (-2, 4), (5, -6)])
+def test_its_own_example_gets_the_wanted_response(shift):
+    """The Gaussian that it was trained on, at the place that was said."""
+    filter_, spectrum = trained(tuple(float(value) for value in shift))
+    np.testing.assert_allclose(filter_.response(spectrum), label(shift), atol=0.02)
+
+
+def test_a_shift_in_the_label_is_a_shift_of_the_example():
+    """Learning an example said to be off by a shift is learning it moved back to the middle."""
+    empty = CorrelationFilter.create(ROWS, COLUMNS, WIDTH)
+    tapered = features() * empty.taper
+    moved = np.roll(tapered, (4, -3), (0, 1))
+    spectra = [scipy.fft.rfft2(np.ascontiguousarray(one.transpose(2, 0, 1)))
+               for one in (tapered, moved)]
+    centred = empty.learned(spectra[0].astype(np.complex64), 1.0)
+    shifted = empty.learned(spectra[1].astype(np.complex64), 1.0, (-3.0, 4.0))
+    np.testing.assert_allclose(shifted.numerator, centred.numerator,
+                               atol=1e-3 * np.abs(centred.numerator).max())
+    np.testing.assert_allclose(shifted.denominator, centred.denominator, rtol=1e-3)
+
+
+def test_the_response_moves_with_the_picture():
+    """A pattern inside the window, moved by whole cells, is found moved by as many."""
+    empty = CorrelationFilter.create(40, 48, 1.5)
+    pattern = features(1, rows=8, columns=8)
+    scene = np.zeros((40, 48, 4), np.float32)
+    scene[16:24, 20:28] = pattern
+    filter_ = empty.learned(empty.transform(scene), 1.0)
+    for x, y in ((0, 0), (4, -3), (-5, 2)):
+        moved = np.roll(scene, (y, x), (0, 1))
+        _, column, row = subcell_peak(filter_.response(filter_.transform(moved)))
+        assert (round(column) - 24, round(row) - 20) == (x, y)
+
+
+def test_response_is_linear_and_unknown_pictures_get_little():
+    """About one at the target, nothing for features that it has never seen."""
+    filter_, spectrum = trained()
+    other = filter_.transform(features(seed=9))
+    assert filter_.response(spectrum).max() > 0.95
+    assert np.abs(filter_.response(other)).max() < 0.6
+    np.testing.assert_allclose(
+        filter_.response(spectrum + other), filter_.response(spectrum) + filter_.response(other),
+        atol=1e-4)
+
+
+def test_learning_averages_numerator_and_denominator():
+    """[Danelljan et al. 2014, eq. 6]: a rate r keeps 1 - r; the old filter isn't touched."""
+    filter_, _ = trained()
+    kept = filter_.numerator.copy()
+    second = filter_.transform(features(seed=3))
+    alone = CorrelationFilter.create(ROWS, COLUMNS, WIDTH).learned(second, 1.0)
+    after = filter_.learned(second, 0.25)
+    np.testing.assert_allclose(
+        after.numerator, 0.75 * filter_.numerator + 0.25 * alone.numerator,
+        atol=1e-4 * np.abs(kept).max())
+    np.testing.assert_allclose(
+        after.denominator, 0.75 * filter_.denominator + 0.25 * alone.denominator, rtol=1e-4)
+    np.testing.assert_array_equal(filter_.numerator, kept)
+
+
+@pytest.mark.parametrize('peak', [0.0, 0.3, -0.45, 0.5])
+def test_a_parabolas_peak_is_found_exactly(peak):
+    """Three points of a parabola tell where it is highest."""
+    before, middle, after = (2 - 3 * (x - peak)**2 for x in (-1, 0, 1))
+    assert parabola_offset(before, middle, after) == pytest.approx(peak)
+
+
+def test_a_flat_map_has_no_finer_peak():
+    """No curvature, no refinement; nor at the map's border."""
+    assert parabola_offset(1.0, 1.0, 1.0) == 0
+    assert parabola_offset(2.0, 1.0, 2.0) == 0
+    response = np.zeros((5, 6), np.float32)
+    response[0, 5] = 1
+    assert subcell_peak(response) == (1.0, 5.0, 0.0)
+    assert subcell_offset(response, 0, 5) == (0.0, 0.0)
+
+
+def test_a_subcell_peak_in_two_dimensions():
+    """A paraboloid between the cells is found to the last digit."""
+    y, x = np.mgrid[:9, :11]
+    response = (5 - (x - 6.3)**2 - 2 * (y - 3.8)**2).astype(np.float32)
+    value, column, row = subcell_peak(response)
+    assert value == pytest.approx(response.max())
+    assert (column, row) == (pytest.approx(6.3, abs=1e-5), pytest.approx(3.8, abs=1e-5))
+
+
+@pytest.mark.parametrize('size', [(40.0, 40.0), (60.0, 30.0), (160.0, 120.0)])
+@pytest.mark.parametrize('factor', [0.93, 1.0, 1.05, 1.12])
+def test_the_scale_filter_finds_a_known_factor(size, factor):
+    """A picture enlarged about the target's centre by a known factor, to 2 %."""
+    noise = np.random.default_rng(0).normal(size=(300, 300))
+    smooth = cv2.GaussianBlur(noise, (0, 0), 4)
+    picture = (128 + 50 * smooth / smooth.std()).clip(0, 255).astype(np.uint8)
+    center = (150.0, 150.0)
+    matrix = np.array([[factor, 0, 149.5 * (1 - factor)], [0, factor, 149.5 * (1 - factor)]])
+    grown = cv2.warpAffine(picture, matrix, (300, 300), borderMode=cv2.BORDER_REFLECT)
+    empty = ScaleFilter.create(*size)
+    filter_ = empty.learned(empty.transform(picture, center, size), 1.0)
+    found, steps = filter_.peak(filter_.response(filter_.transform(grown, center, size)))
+    assert found == pytest.approx(factor, rel=0.02)
+    assert found == pytest.approx(1.025**steps)
+    # learned as off the middle by what was found, it answers with the middle again
+    again = empty.learned(empty.transform(grown, center, size), 1.0, steps)
+    back, _ = again.peak(again.response(again.transform(picture, center, size)))
+    assert back == pytest.approx(1.0, abs=0.03)
+
+
+def test_scale_factors_are_a_geometric_series_about_one():
+    """17 factors, 1.025 apart, one in the middle."""
+    filter_ = ScaleFilter.create(50.0, 30.0)
+    assert len(filter_.factors) == 17 and filter_.factors[8] == 1
+    np.testing.assert_allclose(filter_.factors[1:] / filter_.factors[:-1], 1.025)

@@ -1,0 +1,181 @@
+"""Windows, gradients and colours against plain computations."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.colour_names import CHANNELS as COLOURS
+from vtrack_ros.appearance.colour_names import colour_names
+from vtrack_ros.appearance.foreground import box_mean, colour_index, ForegroundModel
+from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
+from vtrack_ros.appearance.window import sample_window
+
+
+def plain_window(image, center, size, shape):
+    """Sample an image bilinearly at the middles of the window's meshes; its border repeats."""
+    rows, columns = shape
+    height, width = image.shape[:2]
+    result = np.empty((rows, columns, *image.shape[2:]))
+    for row in range(rows):
+        for column in range(columns):
+            x = center[0] + ((column + 0.5) / columns - 0.5) * size[0] - 0.5
+            y = center[1] + ((row + 0.5) / rows - 0.5) * size[1] - 0.5
+            left, top = math.floor(x), math.floor(y)
+            value = 0.0
+            for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+                share = (x - left if dx else 1 - x + left) * (y - top if dy else 1 - y + top)
+                pixel = image[min(max(top + dy, 0), height - 1), min(max(left + dx, 0), width - 1)]
+                value = value + share * pixel.astype(np.float64)
+            result[row, column] = value
+    return result
+
+
+def smooth_image(colour, shape=(90, 120), seed=0):
+    """Return smooth blobs, so that a rounding of coordinates to 1/32 px changes little."""
+    channels = np.random.default_rng(seed).normal(size=(*shape, 3 if colour else 1))
+    smooth = cv2.GaussianBlur(channels, (0, 0), 5).reshape(*shape, -1)
+    image = (128 + 45 * smooth / smooth.std()).clip(0, 255).astype(np.uint8)
+    return image if colour else image[:, :, 0]
+
+
+@pytest.mark.parametrize('colour', [True, False])
+@pytest.mark.parametrize('center, size, shape', [
+    ((60.3, 44.8), (30.0, 24.0), (24, 30)),
+    ((60.0, 45.0), (30.0, 24.0), (24, 30)),
+    ((60.25, 44.5), (20.0, 13.0), (31, 37)),
+    ((2.0, 3.5), (30.0, 24.0), (20, 25)),
+    ((118.0, 88.0), (40.0, 40.0), (33, 33)),
+    ((60.0, 45.0), (160.0, 130.0), (80, 100)),
+], ids=['subpixel', 'whole pixels', 'enlarged', 'over the corner', 'over the other corner',
+        'larger than the image'])
+def test_a_window_is_the_bilinear_one(colour, center, size, shape):
+    """Where no pixel is skipped, to the precision of OpenCV's coordinates."""
+    image = smooth_image(colour)
+    found = sample_window(image, center, size, shape)
+    assert found.shape == plain_window(image, center, size, shape).shape
+    assert found.dtype == np.uint8
+    difference = np.abs(found - plain_window(image, center, size, shape))
+    assert difference.max() <= 2 and difference.mean() < 0.5
+
+
+@pytest.mark.parametrize('center', [(300.5, 200.25), (300.0, 200.0), (10.0, 20.0)])
+def test_a_shrunk_window_stays_in_place(center):
+    """Pixels are skipped, but what was in a place stays there: a ramp is sampled as a ramp."""
+    y, x = np.mgrid[:400, :600] + 0.5
+    image = np.stack([x * 0.4, y * 0.6, x * 0.2 + y * 0.2], -1).astype(np.uint8)
+    shape, size = (30, 40), (240.0, 180.0)
+    found = sample_window(image, center, size, shape).astype(np.float64)
+    columns = (center[0] + ((np.arange(40) + 0.5) / 40 - 0.5) * size[0]).clip(0.5, 599.5)
+    rows = (center[1] + ((np.arange(30) + 0.5) / 30 - 0.5) * size[1]).clip(0.5, 399.5)
+    # beyond the border the last one of the regular subset repeats: up to a stride away
+    tolerance = 1.6 + 6 * 0.6 * (min(center) < 90)
+    np.testing.assert_allclose(found[:, :, 0], np.tile(columns * 0.4, (30, 1)), atol=tolerance)
+    np.testing.assert_allclose(found[:, :, 1], np.tile(rows * 0.6, (40, 1)).T, atol=tolerance)
+
+
+def test_a_window_outside_the_image_repeats_its_border():
+    """Far away there is the nearest corner's colour."""
+    image = smooth_image(True)
+    found = sample_window(image, (-500.0, -300.0), (30.0, 30.0), (5, 6))
+    np.testing.assert_array_equal(found, np.broadcast_to(image[0, 0], (5, 6, 3)))
+
+
+def step_edge(angle, side=48, low=60.0, high=180.0):
+    """Return a soft edge through the middle, brighter in the direction of the angle."""
+    y, x = np.mgrid[:side, :side] - (side - 1) / 2
+    distance = x * math.cos(angle) + y * math.sin(angle)
+    return (low + (high - low) / (1 + np.exp(-distance))).astype(np.uint8)
+
+
+@pytest.mark.parametrize('bin_', range(18))
+def test_an_edges_direction_is_its_bin(bin_):
+    """18 signed orientations of 20 degrees from x to y; 9 unsigned ones without the sign."""
+    features = oriented_gradients(step_edge(2 * math.pi * bin_ / 18), 4)
+    middle = features[5:7, 5:7].sum(axis=(0, 1))
+    assert middle[:18].argmax() == bin_
+    assert middle[18:].argmax() == bin_ % 9
+
+
+def test_gradients_dont_depend_on_contrast():
+    """Half the contrast, nearly the same features; a flat image has none at all."""
+    strong = oriented_gradients(step_edge(0.7, low=20, high=240), 4)
+    weak = oriented_gradients(step_edge(0.7, low=75, high=185), 4)
+    assert strong.shape == (12, 12, CHANNELS) and CHANNELS == 27
+    assert strong.min() >= 0 and strong.max() <= 0.4 + 1e-6
+    where = strong > 0.1
+    assert where.any()
+    np.testing.assert_allclose(weak[where], strong[where], rtol=0.25)
+    assert not oriented_gradients(np.full((24, 24), 77, np.uint8), 4).any()
+
+
+def test_an_edge_moves_its_cell_only():
+    """A point of light makes features where it is, and none two cells away."""
+    image = np.full((40, 40), 80, np.uint8)
+    image[21:23, 17:19] = 250
+    features = oriented_gradients(image, 4)
+    strength = features.sum(axis=2)
+    assert strength[5, 4] == strength.max()
+    assert not strength[:3].any() and not strength[:, 8:].any()
+
+
+def test_colour_names_sum_to_nothing():
+    """Memberships sum to one, and so do their means: the differences sum to zero."""
+    rng = np.random.default_rng(0)
+    names = colour_names(rng.integers(256, size=(20, 30, 3), dtype=np.uint8))
+    assert names.shape == (20, 30, COLOURS) and COLOURS == 11
+    np.testing.assert_allclose(names.sum(axis=2), 0, atol=1e-5)
+
+
+@pytest.mark.parametrize('index, colour', list(enumerate([
+    (0, 0, 0), (230, 80, 20), (20, 60, 110), (128, 128, 128), (40, 150, 40), (0, 140, 255),
+    (180, 105, 255), (150, 30, 130), (40, 40, 220), (255, 255, 255), (0, 230, 240)])),
+    ids=['black', 'blue', 'brown', 'grey', 'green', 'orange', 'pink', 'purple', 'red', 'white',
+         'yellow'])
+def test_a_typical_colour_has_its_own_name(index, colour):
+    """The eleven terms of Berlin and Kay, in the order that the documentation gives."""
+    names = colour_names(np.array([[colour]], np.uint8))[0, 0]
+    assert names.argmax() == index
+
+
+def test_foreground_probability_is_bayes_with_even_odds():
+    """p(colour | target) / (p(colour | target) + p(colour | surroundings)), by counting."""
+    pixels = np.zeros((30, 30), np.uint8)
+    pixels[10:20, 10:20] = 100
+    pixels[10:20, 10:12] = 200
+    pixels[:5] = 200
+    model = ForegroundModel.create(False).learned(pixels, (10, 20, 10, 20), 1.0)
+    # a margin of 2 px about the target counts for neither
+    surroundings = 30 * 30 - 14 * 14
+    share = 5 * 30 / surroundings
+    probability = model.probability(pixels)
+    assert probability[15, 15] == pytest.approx(1, abs=1e-4)
+    assert probability[15, 11] == pytest.approx(0.2 / (0.2 + share), abs=1e-3)
+    assert probability[25, 25] == pytest.approx(0, abs=1e-4)
+    assert model.target.sum() == pytest.approx(1) and model.surroundings.sum() == pytest.approx(1)
+
+
+def test_foreground_learning_is_a_running_average():
+    """A rate r keeps 1 - r of what was known; unknown colours have no probability."""
+    first, second = np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20, 3), np.uint8)
+    first[5:15, 5:15] = (255, 0, 0)
+    second[5:15, 5:15] = (0, 0, 255)
+    model = ForegroundModel.create(True).learned(first, (5, 15, 5, 15), 1.0)
+    after = model.learned(second, (5, 15, 5, 15), 0.25)
+    blue, red = (colour_index(np.array([[c]], np.uint8))[0, 0]
+                 for c in ((255, 0, 0), (0, 0, 255)))
+    assert after.target[blue] == pytest.approx(0.75)
+    assert after.target[red] == pytest.approx(0.25)
+    assert model.target[blue] == 1
+    assert model.probability(np.full((1, 1, 3), 128, np.uint8))[0, 0] == 0
+
+
+def test_box_mean():
+    """The mean over a box about each pixel; outside the image counts as nothing."""
+    image = np.random.default_rng(0).uniform(size=(12, 15)).astype(np.float32)
+    mean = box_mean(image, (5, 3))
+    assert mean[6, 7] == pytest.approx(image[5:8, 5:10].mean(), rel=1e-5)
+    assert mean[0, 0] == pytest.approx(image[:2, :3].sum() / 15, rel=1e-5)

@@ -1,0 +1,257 @@
+"""What every tracker owes its users, in both presets."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from drawn_video import box_at, DrawnVideo, START, straight
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState
+
+NAMES = tracker_names()
+PRESETS = ('default', 'paper')
+BOTH = pytest.mark.parametrize('preset', PRESETS)
+ALL = pytest.mark.parametrize('name', NAMES)
+
+
+def check(estimate):
+    """Check what holds of every estimate."""
+    assert np.isfinite(estimate.box.as_array()).all()
+    assert 0 <= estimate.confidence <= 1
+    assert isinstance(estimate.state, TrackState)
+    covariance = estimate.covariance
+    assert covariance.shape == (4, 4)
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-9 * covariance.max())
+    assert np.linalg.eigvalsh(covariance).min() > 0
+    assert np.isfinite(estimate.angle)
+
+
+@BOTH
+@ALL
+@pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
+def test_it_follows_a_moving_target(name, preset, colour):
+    """A target of its own colours and texture, 2 px a frame: IoU above 0.5 to the end."""
+    video = DrawnVideo(colour)
+    path = straight(20, (2.0, 1.0))
+    tracker = create_tracker(name, seed=1, preset=preset)
+    check(tracker.start(video.frame(path[0]), box_at(path[0])))
+    overlaps, states = [], []
+    for center in path[1:]:
+        estimate = tracker.update(video.frame(center))
+        check(estimate)
+        overlaps.append(estimate.box.iou(box_at(center)))
+        states.append(estimate.state)
+    assert np.mean(overlaps) > 0.6
+    assert min(overlaps[-5:]) > 0.5
+    assert states.count(TrackState.TRACKING) >= 18
+
+
+@BOTH
+@ALL
+def test_the_first_estimate_is_the_given_box(name, preset):
+    """Nobody knows better than the user where the target is."""
+    video = DrawnVideo()
+    estimate = create_tracker(name, seed=1, preset=preset).start(video.frame(START),
+                                                                 box_at(START))
+    np.testing.assert_allclose(estimate.box.as_array(), box_at(START).as_array(), atol=1e-6)
+    assert estimate.state is TrackState.TRACKING
+
+
+@BOTH
+@ALL
+def test_the_same_seed_gives_the_same_bits(name, preset):
+    """Two trackers of one seed agree bit for bit, also after a new start."""
+    path = straight(8, (2.0, -1.0))
+    frames = list(DrawnVideo().frames(path))
+    outputs = []
+    for seed in (3, 3, np.random.default_rng(3)):
+        tracker = create_tracker(name, seed=seed, preset=preset)
+        rows = []
+        for _ in range(2):
+            tracker.start(frames[0], box_at(path[0]))
+            for frame in frames[1:]:
+                estimate = tracker.update(frame)
+                rows.append([*estimate.box.as_array(), estimate.angle, estimate.confidence,
+                             *estimate.covariance.ravel()])
+        outputs.append(np.array(rows))
+    np.testing.assert_array_equal(outputs[0], outputs[1])
+    np.testing.assert_array_equal(outputs[0], outputs[2])
+
+
+@ALL
+def test_wrong_calls_are_refused_and_do_no_harm(name):
+    """Each wrong call says what was wrong, and the tracker goes on as if it hadn't been made."""
+    path = straight(4, (1.0, 1.0))
+    frames = list(DrawnVideo().frames(path))
+    tracker, undisturbed = (create_tracker(name, seed=2) for _ in range(2))
+    with pytest.raises(RuntimeError, match='start'):
+        tracker.update(frames[0])
+    for one in (tracker, undisturbed):
+        one.start(frames[0], box_at(path[0]))
+    with pytest.raises(TypeError, match='uint8'):
+        tracker.update(frames[1].astype(np.float32))
+    with pytest.raises(TypeError, match='numpy'):
+        tracker.update([[0, 1]])
+    with pytest.raises(ValueError, match='shape changed'):
+        tracker.update(frames[1][:100])
+    with pytest.raises(ValueError, match='shape changed'):
+        tracker.update(frames[1][:, :, 0])
+    with pytest.raises(ValueError, match='shape'):
+        tracker.start(np.zeros((10, 10, 4), np.uint8), box_at(path[0]))
+    with pytest.raises(ValueError, match='no pixel inside'):
+        tracker.start(frames[0], Box(400, 10, 20, 20))
+    with pytest.raises(TypeError, match='Box'):
+        tracker.start(frames[0], (1, 2, 3, 4))
+    for dt in (0.0, -1.0, float('nan'), float('inf')):
+        with pytest.raises(ValueError, match='dt'):
+            tracker.update(frames[1], dt)
+    for frame in frames[1:]:
+        np.testing.assert_array_equal(tracker.update(frame).box.as_array(),
+                                      undisturbed.update(frame).box.as_array())
+
+
+def test_a_box_without_numbers_cannot_be_made():
+    """NaN, infinity and no area are refused before any tracker sees them."""
+    for values in ((np.nan, 0, 1, 1), (0, np.inf, 1, 1), (0, 0, 0, 1), (0, 0, 1, -1)):
+        with pytest.raises(ValueError, match='box'):
+            Box(*values)
+
+
+@ALL
+def test_wrong_parameters_are_refused(name):
+    """Unknown names list the valid ones; every number is refused beyond either end."""
+    table = tracker_class(name).PARAMETERS
+    with pytest.raises(ValueError, match='unknown parameter.*preset'):
+        create_tracker(name, no_such_parameter=1)
+    for row in table.values():
+        if row.kind in (int, float):
+            for value in (row.low - 1, row.high + 1):
+                with pytest.raises(ValueError, match=row.name):
+                    create_tracker(name, **{row.name: row.kind(value)})
+            with pytest.raises(TypeError, match=row.name):
+                create_tracker(name, **{row.name: 'many'})
+        if row.choices:
+            with pytest.raises(ValueError, match=row.choices[0]):
+                create_tracker(name, **{row.name: 'no such choice'})
+
+
+@BOTH
+@ALL
+def test_every_parameter_may_change_while_it_runs(name, preset):
+    """Each number grows by a fifth, and the target is kept."""
+    path = straight(14, (1.5, 0.5))
+    frames = list(DrawnVideo().frames(path))
+    tracker = create_tracker(name, seed=1, preset=preset)
+    tracker.start(frames[0], box_at(path[0]))
+    for frame in frames[1:4]:
+        tracker.update(frame)
+    changes = {}
+    for row in tracker_class(name).PARAMETERS.values():
+        if row.dynamic and row.kind in (int, float) and row.low is not None:
+            value = row.kind(1.2 * row.default)
+            changes[row.name] = min(max(value, row.low), row.high)
+    tracker.configure(**changes)
+    assert {key: tracker.parameters[key] for key in changes} == changes
+    for frame, center in zip(frames[4:], path[4:]):
+        estimate = tracker.update(frame)
+        check(estimate)
+    assert estimate.box.iou(box_at(center)) > 0.4
+
+
+@ALL
+def test_a_change_is_made_whole_or_not_at_all(name):
+    """One wrong value keeps the right ones out too."""
+    tracker = create_tracker(name, seed=1)
+    before = tracker.parameters
+    number = next(row for row in tracker_class(name).PARAMETERS.values()
+                  if row.kind in (int, float))
+    with pytest.raises(ValueError):
+        tracker.configure(**{'preset': 'paper', number.name: number.high + 1})
+    assert tracker.parameters == before
+
+
+@BOTH
+@ALL
+def test_dropped_frames_are_bridged(name, preset):
+    """Every third frame of a target at 2 px a frame, told by dt = 3."""
+    video = DrawnVideo()
+    path = straight(36, (2.0, 0.5))[::3]
+    tracker = create_tracker(name, seed=1, preset=preset)
+    tracker.start(video.frame(path[0]), box_at(path[0]))
+    for center in path[1:]:
+        estimate = tracker.update(video.frame(center), 3.0)
+        check(estimate)
+    assert estimate.box.iou(box_at(center)) > 0.4
+
+
+@BOTH
+@ALL
+def test_it_says_so_when_the_target_leaves_the_image(name, preset):
+    """The target runs out at the right border: bounded boxes, and not TRACKING in the end."""
+    video = DrawnVideo()
+    start = (250.0, 110.0)
+    path = [(start[0] + 5 * i, start[1]) for i in range(21)]
+    tracker = create_tracker(name, seed=1, preset=preset)
+    tracker.start(video.frame(start), box_at(start))
+    estimates = []
+    for center in [*path[1:], *[None] * 25]:
+        estimate = tracker.update(video.frame(center))
+        check(estimate)
+        assert 0.1 * box_at(start).area < estimate.box.area < 36 * box_at(start).area
+        estimates.append(estimate)
+    absent = estimates[-10:]
+    assert sum(estimate.state is not TrackState.TRACKING for estimate in absent) >= 8
+    first = np.mean([estimate.confidence for estimate in estimates[:3]])
+    assert np.mean([estimate.confidence for estimate in absent]) < first
+
+
+@BOTH
+@ALL
+def test_memory_stays_small_at_full_hd(name, preset):
+    """All that a tracker holds on to after frames of 1920 x 1080: less than 50 MB."""
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(256, size=(1080, 1920, 3), dtype=np.uint8) for _ in range(3)]
+    box = Box(700, 300, 400, 300)
+    create_tracker(name, seed=1, preset=preset).start(frames[0], box)  # tables are made once
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        tracker = create_tracker(name, seed=1, preset=preset)
+        tracker.start(frames[0], box)
+        for frame in frames[1:]:
+            tracker.update(frame.copy())
+        held = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert held < 50e6
+
+
+@BOTH
+@ALL
+@pytest.mark.parametrize('shape, box', [
+    ((120, 160, 3), Box(80, 60, 1, 1)),
+    ((120, 160), Box(80, 60, 1, 1)),
+    ((120, 160, 3), Box(80.3, 60.8, 0.2, 0.3)),
+    ((120, 160, 3), Box(-50, -40, 300, 250)),
+    ((120, 160, 3), Box(-30, -30, 31, 31)),
+    ((120, 160, 3), Box(70, 20, 1, 90)),
+    ((12, 16, 3), Box(4, 3, 8, 6)),
+    ((12, 16), Box(4, 3, 8, 6)),
+    ((1, 1, 3), Box(0, 0, 1, 1)),
+    ((1, 40, 3), Box(10, 0, 10, 1)),
+], ids=['one pixel', 'one pixel, grey', 'less than a pixel', 'larger than the image',
+        'one pixel inside', 'one column', 'tiny frame', 'tiny frame, grey', 'frame of one pixel',
+        'frame of one row'])
+def test_odd_sizes_do_no_harm(name, preset, shape, box):
+    """Boxes and frames of any size give finite estimates, textured or not."""
+    rng = np.random.default_rng(5)
+    for contrast in (256, 1):
+        frames = [rng.integers(contrast, size=shape, dtype=np.uint8) for _ in range(4)]
+        tracker = create_tracker(name, seed=1, preset=preset)
+        check(tracker.start(frames[0], box))
+        for frame in frames[1:]:
+            check(tracker.update(frame))
+        check(tracker.update(frames[0], 0.37))
