@@ -37,10 +37,11 @@ STEP = 33_333_333
 class NodeProcess:
     """The node in a process of its own."""
 
-    def __init__(self, *arguments: str, module: str = 'vtrack_ros.node.main',
-                 entry: str = 'main', **parameters: object) -> None:
-        command = [sys.executable, '-c', f'import sys; from {module} import {entry}; '
-                   f'sys.exit({entry}())', '--ros-args', *arguments]
+    def __init__(self, *arguments: str, entry: str = 'main', prelude: str = '',
+                 **parameters: object) -> None:
+        command = [sys.executable, '-c', f'import sys; {prelude}\n'
+                   f'from vtrack_ros.node.main import {entry}; sys.exit({entry}())',
+                   '--ros-args', *arguments]
         for name, value in parameters.items():
             command += ['-p', f'{name.replace("__", ".")}:={value}']
         self._lines: list[str] = []

@@ -5,7 +5,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CompressedImage, Image, RegionOfInterest
 
 SCENE = Scene()
 BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
@@ -86,3 +86,33 @@ def test_four_trackers_in_four_namespaces():
             client.__exit__()
         for process in processes:
             assert process.stop() == 0, process.log
+
+
+def test_without_vision_msgs():
+    """The node says what to install, and does without: targets by region, poses out."""
+    with NodeProcess(prelude="sys.modules['vision_msgs'] = None") as process, Client() as client:
+        process.wait_for_log('ros-jazzy-vision-msgs')
+        client.until(lambda: client.images.get_subscription_count(), 'takes no images')
+        client.until(lambda: client.node.count_publishers('/pose'), 'sends no poses')
+        region = client.publisher('~/init_roi', RegionOfInterest)
+        box = SCENE.box(0)
+        region.publish(RegionOfInterest(x_offset=int(box.x), y_offset=int(box.y),
+                                        width=int(box.width), height=int(box.height)))
+        poses, index = client.heard['pose'], 0
+
+        def tracked():
+            nonlocal index
+            client.images.publish(image_message(SCENE.frame(0), 10**9 + STEP * index))
+            index += 1
+            client.executor.spin_once(timeout_sec=0.05)
+            return len(poses) > 5
+        client.until(tracked, 'no pose')
+        place = poses[-1].pose.position
+        assert abs(place.x - box.center[0]) < 4 and abs(place.y - box.center[1]) < 4
+
+
+def test_slip_of_the_pen_from_the_start_is_told():
+    """An unknown parameter on the command line is no silence."""
+    with NodeProcess(gmpf__particels=100) as process:
+        log = process.wait_for_log("unknown parameter 'gmpf.particels' ignored")
+        assert 'gmpf.particles' in log

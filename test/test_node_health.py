@@ -1,5 +1,6 @@
 """What the node says of itself: lost and found, diagnostics, mismatches, and work nobody wants."""
 
+import importlib.util
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -176,26 +177,43 @@ def test_camera_info_makes_rays_and_metres(client):
     client.until(lambda: units('pixels'), 'still calibrated')
 
 
-def test_transform_without_tf2_msgs_is_said(client, process):
-    """Where tf2_msgs is missing the node says what to install, and goes on."""
-    try:
-        import tf2_msgs  # noqa: F401
-        pytest.skip('tf2_msgs is installed')
-    except ImportError:
-        pass
+def with_target_frame(client, words):
+    """Show the node a calibration, a width and a name for the target; it says or sends words."""
     publisher = client.publisher('camera_info', CameraInfo)
     message = CameraInfo(width=SCENE.width, height=SCENE.height)
     message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
-    since = len(process.log)
     assert client.change(target_width=0.6, target_frame='ball')[-1].successful
     publisher.publish(message)
     for index in range(100):
-        assert send(client, index).detections
-        if 'tf2_msgs' in process.log[since:]:
+        answer = send(client, index)
+        assert answer.detections
+        if words():
             break
-    assert 'ros-jazzy-tf2-msgs' in process.log[since:]
+    assert words()
     assert client.change(target_width=0.0, target_frame='')[-1].successful
     publisher.publish(CameraInfo())
+    return answer
+
+
+def test_transform_without_tf2_msgs_is_said(client, process):
+    """Where tf2_msgs is missing the node says what to install, and goes on."""
+    if importlib.util.find_spec('tf2_msgs') is not None:
+        pytest.skip('tf2_msgs is installed')
+    since = len(process.log)
+    with_target_frame(client, lambda: 'ros-jazzy-tf2-msgs' in process.log[since:])
+
+
+def test_transform(client):
+    """With tf2_msgs the target is a frame, where the pose is."""
+    tf2 = pytest.importorskip('tf2_msgs.msg', reason='needs tf2_msgs')
+    transforms = client.hear('/tf', tf2.TFMessage)
+    with_target_frame(client, lambda: bool(transforms))
+    told, = transforms[0].transforms
+    assert told.child_frame_id == 'ball' and told.header.frame_id == 'camera_optical'
+    pose = next(pose for pose in client.heard['pose'] if pose.header == told.header).pose
+    place = told.transform.translation
+    assert (place.x, place.y, place.z) == (pose.position.x, pose.position.y, pose.position.z)
+    assert told.transform.rotation == pose.orientation
 
 
 def test_subscriber_that_cannot_match_is_told(client, process):

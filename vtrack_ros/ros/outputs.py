@@ -158,6 +158,9 @@ class Outputs:
         result.hypothesis.score = float(estimate.confidence)
         cx, cy = estimate.box.center
         result.pose.pose = messages.pose((cx, cy, 0.0), estimate.angle)
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2] = estimate.covariance[:2, :2]
+        result.pose.covariance = messages.covariance36(covariance)
         detection.results = [result]
         return detection
 

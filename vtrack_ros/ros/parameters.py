@@ -246,6 +246,12 @@ class ParameterServer:
         node.declare_parameter(INIT_BOX, [], ParameterDescriptor(
             name=INIT_BOX, description=INIT_BOX_DESCRIPTION, dynamic_typing=True,
             additional_constraints='valid: 4 finite numbers, width and height positive; or none'))
+        # rclpy takes no notice of these, and a slip of the pen would go unseen. They may be meant
+        # for other nodes of the same file, so that they are no reason to stop.
+        for name in sorted(node._parameter_overrides):
+            if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
+                node.get_logger().warning(
+                    f'unknown parameter {name!r} ignored; valid are {_neighbours(name)}')
         names = [*parameter_table(), INIT_BOX]
         self.settings = checked_settings(
             {name: node.get_parameter(name).value for name in names})
