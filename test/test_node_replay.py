@@ -9,7 +9,7 @@ from vtrack_ros.bags import BagReader
 from vtrack_ros.follower import Follower
 
 
-@pytest.mark.parametrize('tracker', ['gmpf', 'pf'])
+@pytest.mark.parametrize('tracker', ['gmpf', 'pqkpf', 'abmspf', 'appf'])
 def test_node_and_replay_agree(repository, tracker):
     """With the same seed, and no frame dropped, every box is the same double."""
     path = repository / 'bags' / 'face_fast'
