@@ -116,6 +116,7 @@ def null_node() -> int:
         pass
     finally:
         node.destroy_subscription(subscription)
+        node.destroy_node()
         rclpy.try_shutdown()
     return 0
 
@@ -127,8 +128,18 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
-        process.send_signal(signal.SIGTERM)
-        process.wait(PATIENCE)
+        end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """End a process, by force if it must be: what was measured isn't lost for that."""
+    process.send_signal(signal.SIGTERM)
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        print(f'{process.args} did not end on SIGTERM', file=sys.stderr)
+        process.kill()
+        process.wait()
 
 
 def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str]:
@@ -352,8 +363,7 @@ def measure_four(bench: Bench, seconds: float) -> dict[str, dict[str, float]]:
         bench.stream(publisher, messages, 30, count, began, 1)
     finally:
         for process in processes:
-            process.send_signal(signal.SIGTERM)
-            process.wait(PATIENCE)
+            end(process)
     figures = {}
     for name in trackers:
         p50, p99 = np.percentile(latency[name], (50, 99)) if latency[name] else (np.nan, np.nan)

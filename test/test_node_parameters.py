@@ -178,3 +178,18 @@ def test_wrong_from_the_start(name, value, told):
     for part in told:
         assert part in process.log
     assert 'Traceback' not in process.log
+
+
+@pytest.mark.parametrize('arguments, code, told', [
+    (['--params-file', 'nowhere.yaml'], 2, 'nowhere.yaml'),
+    (['-r', 'nonsense'], 2, 'remap rule'),
+    (['--nonsense'], 2, 'nonsense'),
+    (['--', '--nonsense'], 2, "unknown argument '--nonsense'"),
+    (['--', '--help'], 0, 'init_box'),
+])
+def test_arguments(arguments, code, told):
+    """Arguments that mean nothing are told in a line; --help explains."""
+    process = NodeProcess(*arguments)
+    assert process.process.wait(20) == code
+    process.stop()
+    assert told in process.log and 'Traceback' not in process.log

@@ -12,6 +12,17 @@ from typing import Any
 from vtrack_ros.ros.dds_profile import receiving_profile
 
 
+HELP = """\
+usage: tracker [--ros-args [-r FROM:=TO]... [-p NAME:=VALUE]... [--params-file FILE]]
+
+Follows a target in sensor_msgs/Image and says where it is. Point at it with -p init_box:="[x, y,
+width, height]" in pixels of the first image, or on ~/init_roi or ~/init while the node runs.
+
+  tracker --ros-args -r image:=/camera/image_raw -p init_box:="[300, 200, 60, 80]"
+
+docs/node.md describes the topics, docs/parameters.md the parameters."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the plain node until it's told to end; return the exit code."""
     def create() -> Any:
@@ -69,11 +80,25 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
     import rclpy
     from rclpy.exceptions import ParameterException
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    import rclpy.utilities
 
+    from vtrack_ros.node.quiet_log import QuietLog
+
+    words = list(sys.argv if arguments is None else arguments)
     cv2.setNumThreads(1)
-    rclpy.init(args=None if arguments is None else list(arguments))
+    try:
+        rclpy.init(args=words)
+    except (RuntimeError, ValueError) as error:
+        print(f'tracker: {error}', file=sys.stderr)
+        return 2
     node = None
     try:
+        left = rclpy.utilities.remove_ros_args(words)[1:]
+        if left:
+            wanted = left[0] in ('-h', '--help')
+            print(HELP if wanted else f'tracker: unknown argument {left[0]!r}; see --help',
+                  file=sys.stdout if wanted else sys.stderr)
+            return 0 if wanted else 2
         try:
             node = create()
         except (ParameterException, TypeError, ValueError) as error:
@@ -83,6 +108,7 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
         # several frames of a fast camera.
         gc.collect()
         gc.freeze()
+        log = QuietLog(node.get_logger())
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while rclpy.ok():
@@ -94,7 +120,7 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
                 # A request that rclpy itself can't read ends in an exception here; a robot's
                 # node must outlive it. After a shutdown it's only the way out.
                 if rclpy.ok():
-                    node.get_logger().error(f'{type(error).__name__}: {error}')
+                    log.error(f'{type(error).__name__}: {error}')
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
