@@ -23,6 +23,8 @@ _NEAR, _FAR = 1.3, 2.2
 _GREY_LEVELS = 32
 #: Density below which a colour's weight sqrt(q / p) doesn't rise any more.
 _FLOOR = 1e-3
+#: A step of a climb that is shorter than this share of the semi-axis is the last one.
+_STILL = 0.01
 
 
 def _disc(grid: int, radius: float) -> Array:
@@ -95,12 +97,15 @@ class EllipseColours:
         Parameters
         ----------
         frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+            An image that shows it.
         center : ndarray, shape (2,), [px]
+            The ellipse's centre (x, y).
         matrix : ndarray, shape (2, 2), [px]
             The ellipse's frame.
         levels : int
             Of each channel; a power of 2. A grey frame has 32 levels.
         weighted : bool
+            Whether colours that the surroundings share count less.
 
         """
         count = levels**3 if frame.ndim == 3 else _GREY_LEVELS
@@ -129,7 +134,9 @@ class EllipseColours:
         Parameters
         ----------
         frame : ndarray of uint8
+            The image.
         centers : ndarray, shape (N, 2), [px]
+            The candidates' centres.
         matrix : ndarray, shape (2, 2), [px]
             All candidates' frame.
 
@@ -159,6 +166,7 @@ class EllipseColours:
         denominator lacks the weights and has a factor `s` too many.
         """
         shape = _ELLIPSE @ matrix.T
+        tolerance = _STILL * np.abs(matrix).max()
         for _ in range(steps):
             found = self._found(frame, center + shape)
             weights = self._weights(found)[found] * _KERNEL
@@ -167,7 +175,7 @@ class EllipseColours:
                 break
             step = weights @ shape / total
             center = center + step
-            if np.abs(step).max() < 0.25:
+            if np.abs(step).max() < tolerance:
                 break
         return center
 

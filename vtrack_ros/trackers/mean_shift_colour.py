@@ -207,7 +207,7 @@ class ColourMeanShift:
 
     @property
     def _box_matrix(self) -> Array:
-        """The half sides of the ellipse's axis-aligned bound, on the diagonal."""
+        """Return the half sides of the ellipse's axis-aligned bound, on the diagonal."""
         return np.diag(SIGMA * np.sqrt(np.diag(self._bandwidth)))
 
     def _orientation(self, previous: float) -> float:
@@ -251,6 +251,7 @@ def bounded_frame(matrix: Array, first: Array) -> Array:
     Parameters
     ----------
     matrix, first : ndarray, shape (2, 2), [px]
+        The frame, and the one that it may not leave too far.
 
     Returns
     -------

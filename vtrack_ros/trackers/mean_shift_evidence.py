@@ -9,18 +9,20 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import SIGMA
 from vtrack_ros.trackers.base import Estimate
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget, Sighting
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
+from vtrack_ros.trackers.sighting import Sighting
 
-#: Steps of a climb; by then it moves by less than a hundredth of a cell.
-_STEPS = 12
-#: Bandwidth of the last steps, in target sizes: the width of the evidence's peak.
-_FINE = 1 / 16
+#: Steps of a climb at most, and the step in cells that ends it, with either bandwidth.
+_COARSE_STEPS, _COARSE_TOLERANCE = 8, 0.1
+_FINE_STEPS, _FINE_TOLERANCE = 8, 0.02
+#: Bandwidth of the last steps, in target sizes: half the width of the evidence's peak.
+_FINE = 1 / 32
 #: Evidence as a likelihood: so many times the share of the highest evidence that is missing is
 #: the negative logarithm.
 _SHARPNESS = 20.0
 #: A place with less than this share of the window's highest evidence is a lesser maximum.
-_DOMINATED = 0.85
+_DOMINATED = 0.95
 
 
 class EvidenceMeanShift:
@@ -93,8 +95,8 @@ class EvidenceMeanShift:
         coarse = np.array(size) / (2 * SIGMA) / cell
         fine = np.maximum(np.array(size) * _FINE / cell, 0.6)
         place = sighting.cells(np.array([start]))[0]
-        place = climb(weights, place, coarse, _STEPS)
-        place = climb(weights, place, fine, _STEPS)
+        place = climb(weights, place, coarse, _COARSE_STEPS, _COARSE_TOLERANCE)
+        place = climb(weights, place, fine, _FINE_STEPS, _FINE_TOLERANCE)
         rows, columns = weights.shape
         x, y = (place - (columns // 2, rows // 2)) * cell + sighting.view.center
         return float(x), float(y)
@@ -124,12 +126,13 @@ class EvidenceMeanShift:
 
 def evidence_weights(evidence: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the weights that a climb on an evidence map uses: what is above its background."""
-    background = np.median(evidence)
-    return np.square(np.maximum(evidence.astype(np.float64) - background, 0.0))
+    above = np.maximum(evidence.astype(np.float64) - evidence.mean(), 0.0)
+    return above * above * above
 
 
 def climb(weights: NDArray[np.float64], start: NDArray[np.float64],
-          bandwidth: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+          bandwidth: NDArray[np.float64], steps: int,
+          tolerance: float = 0.01) -> NDArray[np.float64]:
     """
     Climb to a maximum of the kernel density of a weighted map by mean shift [Yin2013, eq. 2].
 
@@ -141,6 +144,8 @@ def climb(weights: NDArray[np.float64], start: NDArray[np.float64],
         (x, y); the Gaussian kernel is axis-aligned.
     steps : int
         At most so many.
+    tolerance : float, [cells]
+        A step shorter than that is the last one.
 
     Returns
     -------
@@ -148,18 +153,20 @@ def climb(weights: NDArray[np.float64], start: NDArray[np.float64],
 
     """
     rows, columns = weights.shape
-    x, y = np.arange(columns), np.arange(rows)
-    place = start
+    column, row = np.arange(float(columns)), np.arange(float(rows))
+    x, y = float(start[0]), float(start[1])
+    narrow_x, narrow_y = (-0.5 / float(width)**2 for width in bandwidth)
     for _ in range(steps):
-        kernel_x = np.exp(-0.5 * ((x - place[0]) / bandwidth[0])**2)
-        kernel_y = np.exp(-0.5 * ((y - place[1]) / bandwidth[1])**2)
-        in_x, in_y = (kernel_y @ weights) * kernel_x, (weights @ kernel_x) * kernel_y
-        total = in_x.sum()
+        # the kernel is separable: two products of matrix and vector
+        kernel_x = np.exp(narrow_x * np.square(column - x))
+        kernel_y = np.exp(narrow_y * np.square(row - y))
+        in_x = (kernel_y @ weights) * kernel_x
+        in_y = (weights @ kernel_x) * kernel_y
+        total = float(in_x.sum())
         if total <= 1e-12:
             break
-        moved = np.array([in_x @ x / total, in_y @ y / total])
-        done = np.abs(moved - place).max() < 0.01
-        place = moved
-        if done:
+        before_x, before_y = x, y
+        x, y = float(in_x @ column) / total, float(in_y @ row) / total
+        if max(abs(x - before_x), abs(y - before_y)) < tolerance:
             break
-    return place
+    return np.array([x, y])

@@ -61,6 +61,7 @@ def fused(zeta: float, climbed: Point, best: Point, near: float, far: float,
     near, far : float, [px]
         The distances sigma and sigma a, within which the two agree and are compatible.
     settings : Settings
+        Whose thresholds count.
 
     Returns
     -------
