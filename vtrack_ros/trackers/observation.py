@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _SEARCHING_BELOW = 0.5
 _LOST_FRAMES = 30
+#: How far the size may be from the first one.
+_SMALLEST, _LARGEST = 0.2, 5.0
 
 
 @dataclass(frozen=True)
@@ -158,9 +160,8 @@ class CueObservation(Observation):
 
     def log_likelihood(self, boxes: Boxes) -> Array:
         """Score colour, and moving edges beside it, fused by the chosen rule."""
-        size_ratio = boxes[:, 2:] / self._first[2:]
-        possible = ((size_ratio > 0.2) & (size_ratio < 5)).all(axis=1)
-        scored = np.where(possible[:, None], boxes, self._first)
+        scored = self._bounded(boxes)
+        excess = ((boxes - scored) / (0.1 * scored))[:, 2:]
         rho = self._colour.coefficients(self._frame, scored, self._reference)
         exponent = (rho - 1) / (2 * self.sigma**2)
         if self._edges is None:
@@ -171,10 +172,16 @@ class CueObservation(Observation):
             best = np.nanmax(likelihoods[1]) if np.isfinite(likelihoods[1]).any() else 1.0
             likelihoods[1] /= best
             result = FUSION_RULES[self.fusion](likelihoods, reliability(likelihoods))
-        return np.where(possible, result, -np.inf)
+        result -= (excess**2).sum(axis=1)
+        # nothing is seen outside: what has gone there must not wander off for ever
+        edge = np.array(self._frame.shape[1::-1])
+        beyond = (boxes[:, :2] - np.clip(boxes[:, :2], 0, edge)) / self._first[2:]
+        result -= (beyond**2).sum(axis=1)
+        return result
 
     def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
         """Compare the mean box with the reference."""
+        box = self._bounded(box[None])[0]
         rho = float(self._colour.coefficients(frame, box[None], self._reference)[0])
         likeness = (rho - self._floor) / (1 - self._floor)
         confidence = float(1 / (1 + np.exp(-(likeness - 0.45) / 0.1)))
@@ -187,6 +194,13 @@ class CueObservation(Observation):
         if self._unseen_frames > _LOST_FRAMES:
             state = TrackState.LOST
         return Conclusion(box, confidence, state)
+
+    def _bounded(self, boxes: Boxes) -> Boxes:
+        """Bound sizes to a range about the first one."""
+        bounded = boxes.copy()
+        np.clip(boxes[:, 2:], _SMALLEST * self._first[2:], _LARGEST * self._first[2:],
+                out=bounded[:, 2:])
+        return bounded
 
     def _look_at_edges(self, frame: Frame, box: Array) -> None:
         if self._edges is None:

@@ -32,21 +32,21 @@ PARTICLE_PARAMETERS = ParameterTable([
     Parameter('preset', 'default', "The paper's own cues, or the strongest that there are; in "
               'force at the next start.', choices=('default', 'paper')),
     Parameter('particles', 150, 'Number of particles.', 2, 5000),
-    Parameter('acceleration', 0.1, 'Standard deviation of the change of velocity a frame, as a '
+    Parameter('acceleration', 0.2, 'Standard deviation of the change of velocity a frame, as a '
               "share of the target's mean side.", 0.001, 2.0),
-    Parameter('size_noise', 0.02, 'Standard deviation of the change of size a frame, as a share '
+    Parameter('size_noise', 0.01, 'Standard deviation of the change of size a frame, as a share '
               'of the mean side (paper preset).', 0.001, 0.5),
     Parameter('cues', 'colour', 'Cues of the paper preset.',
               choices=('colour', 'colour+motion_edge')),
     Parameter('fusion', 'dempster_shafer', 'How the cues are fused (paper preset).',
               choices=tuple(FUSION_RULES)),
-    Parameter('sigma', 0.12, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)) (paper '
+    Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)) (paper '
               'preset).', 0.01, 1.0),
     Parameter('temperature', 0.1, 'Share of the usual evidence that makes a factor of e in the '
               'likelihood (default preset).', 0.01, 1.0),
     Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
               'proposal.', choices=('simplified', 'full')),
-    Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this share '
+    Parameter('threshold', 1.0, 'Resample when the effective sample size falls below this share '
               'of the particles.', 0.0, 1.0),
 ])
 
@@ -196,13 +196,19 @@ class GreyParticleFilter(ParticleTracker):
     PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
         Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
                   unit='frames'),
+        Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws '
+                  '(default preset).', 0.0, 0.9),
         Parameter('floor', 1.0, "How much of the process noise is added to the proposal's "
                   'covariance.', 0.001, 100.0),
     ])
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
-        return GreyProposal(int(self._parameters['window']), float(self._parameters['floor']),
-                            velocities=_VELOCITIES)
+        window, floor = int(self._parameters['window']), float(self._parameters['floor'])
+        if self._observation.sized:
+            return GreyProposal(window, floor, velocities=_VELOCITIES)
+        # as printed, a few wrong forecasts in a row carry all the particles away
+        return GreyProposal(window, floor, spread='predicted', velocities=_VELOCITIES,
+                            prior_share=float(self._parameters['prior_share']))
 
 
 class KalmanParticleFilter(ParticleTracker):
@@ -236,6 +242,8 @@ class QuadratureParticleFilter(ParticleTracker):
         Parameter('cues', 'colour+motion_edge', 'Cues of the paper preset.',
                   choices=('colour', 'colour+motion_edge')),
         Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
+        Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
+                  'share of the particles.', 0.0, 1.0),
     ])
     _kernel = 'epanechnikov'
     _steered = True
