@@ -24,7 +24,7 @@ _GREY_LEVELS = 32
 #: Density below which a colour's weight sqrt(q / p) doesn't rise any more.
 _FLOOR = 1e-3
 #: A step of a climb that is shorter than this share of the semi-axis is the last one.
-_STILL = 0.01
+_STILL = 0.006
 
 
 def _disc(grid: int, radius: float) -> Array:
