@@ -383,9 +383,9 @@ def page(results: dict[str, Any]) -> str:
         'memory profile. The null node publishes a pose for every image and does nothing else; '
         '*above* is the p50 less that of the null node and less the own compute of the tracker '
         '(wanted: at most 0.5).', '',
-        '| stream | null p50 | null p99 | ours p50 | ours p99 | compute p50 | above | lost | '
-        'CPU above null | RSS |',
-        '| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |']
+        '| stream | null p50 | null p99 | ours p50 | ours p99 | compute p50 | above | null lost | '
+        'ours lost | CPU above null | RSS |',
+        '| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |']
     for name, pair in results['streams'].items():
         null, ours = pair['null'], pair['ours']
         above = ours['latency_ms_p50'] - null['latency_ms_p50'] - ours['compute_ms_p50']
@@ -393,6 +393,7 @@ def page(results: dict[str, Any]) -> str:
             f'| {name} | {null["latency_ms_p50"]:.2f} | {null["latency_ms_p99"]:.2f} | '
             f'{ours["latency_ms_p50"]:.2f} | {ours["latency_ms_p99"]:.2f} | '
             f'{ours["compute_ms_p50"]:.2f} | {above:.2f} | '
+            f'{null["frames_sent"] - null["frames_answered"]} of {null["frames_sent"]} | '
             f'{ours["frames_sent"] - ours["frames_answered"]} of {ours["frames_sent"]} | '
             f'{100 * (ours["cpu_share"] - null["cpu_share"]):.0f} % | {ours["rss_mb"]:.0f} MB |')
     lines += ['', '## Delivery, VGA at 30 Hz', '', '| publisher | answered |', '| --- | --- |']

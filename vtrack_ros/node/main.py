@@ -12,6 +12,8 @@ from typing import Any
 from vtrack_ros.ros.dds_profile import receiving_profile
 
 
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
 HELP = """\
 usage: tracker [--ros-args [-r FROM:=TO]... [-p NAME:=VALUE]... [--params-file FILE]]
 
@@ -61,8 +63,11 @@ def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> in
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     os.environ.update(receiving_profile(os.environ))
     # ROS takes a while to load; a signal in that time must end the process as cleanly as later.
-    for number in (signal.SIGINT, signal.SIGTERM):
+    # The wheels of PyPI execute Python anew for it: handlers don't outlive that, but what is
+    # blocked stays blocked, and is delivered once it's let through.
+    for number in _SIGNALS:
         signal.signal(number, _interrupt)
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     try:
         return _run(create, arguments)
     except KeyboardInterrupt:
@@ -76,8 +81,9 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
     import gc
 
-    import cv2
     import rclpy
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    import cv2
     from rclpy.exceptions import ParameterException
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     import rclpy.utilities
@@ -125,7 +131,7 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
         pass
     finally:
         # A second signal must not turn a clean end into a traceback.
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
