@@ -28,11 +28,12 @@ def texture(shape: tuple[int, int], colours: list[tuple[int, int, int]], blob: i
 class DrawnVideo:
     """Frames of a target on a background; places are centres in pixels, with subpixels."""
 
-    def __init__(self, colour: bool = True, seed: int = 0) -> None:
+    def __init__(self, colour: bool = True, seed: int = 0, blob: int = 12) -> None:
         rng = np.random.default_rng(seed)
         self.colour = colour
         self._background = texture(
-            SIZE[::-1], [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)], 12, rng)
+            SIZE[::-1], [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)], blob,
+            rng)
         self._target = texture(
             TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8, rng)
         self._rng = rng

@@ -1,0 +1,101 @@
+"""The default engine out of sight of its target: it says so, searches, and finds it again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from drawn_video import box_at, DrawnVideo, texture
+
+from vtrack_ros.trackers import create_tracker, TrackState
+
+NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
+START = (70.0, 110.0)
+
+
+def hidden_behind(frame, left, right, colour):
+    """Draw a wall over some columns."""
+    rng = np.random.default_rng(9)
+    wall = texture((frame.shape[0], right - left), [
+        (60, 60, 60), (70, 90, 70), (90, 100, 90), (80, 70, 70)], 60, rng)
+    frame = frame.copy()
+    frame[:, left:right] = wall if colour else wall.mean(axis=2)
+    return frame
+
+
+@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
+def test_a_target_hidden_for_twenty_frames_is_found_again(name, colour):
+    """A wall hides the target; the tracker says that it searches, and has it 15 frames after."""
+    video = DrawnVideo(colour, blob=60)
+    tracker = create_tracker(name, seed=1)
+    tracker.start(video.frame(START), box_at(START))
+    centers = [(START[0] + 2.0 * i, START[1]) for i in range(1, 88)]
+    states, overlaps, visible = [], [], []
+    for center in centers:
+        frame = hidden_behind(video.frame(center), 112, 202, colour)
+        estimate = tracker.update(frame)
+        states.append(estimate.state)
+        overlaps.append(estimate.box.iou(box_at(center)))
+        left, right = center[0] - 24, center[0] + 24
+        visible.append(max(0, 112 - left) + max(0, right - 202))
+    hidden = np.array(visible) == 0
+    seen = np.array(visible) >= 48
+    assert hidden.sum() == 22
+    unsure = np.array([state is not TrackState.TRACKING for state in states])
+    assert unsure[hidden][5:].mean() > 0.7
+    returned = np.flatnonzero(seen & (np.arange(len(seen)) > np.flatnonzero(hidden)[-1]))
+    assert max(overlaps[index] for index in returned[:15]) > 0.5
+    assert overlaps[-1] > 0.5 and states[-1] is TrackState.TRACKING
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_a_target_that_stays_away_is_lost(name):
+    """SEARCHING at first, LOST after long; confidence falls, and uncertainty grows."""
+    video = DrawnVideo(blob=60)
+    tracker = create_tracker(name, seed=1)
+    center = (160.0, 110.0)
+    tracker.start(video.frame(center), box_at(center))
+    before = [tracker.update(video.frame(center)) for _ in range(8)]
+    after = [tracker.update(video.frame(None)) for _ in range(90)]
+    states = [estimate.state for estimate in after]
+    assert TrackState.SEARCHING in states[:10]
+    assert states[60:].count(TrackState.LOST) > 15
+    assert (np.mean([estimate.confidence for estimate in after[20:]])
+            < 0.5 * np.mean([estimate.confidence for estimate in before]))
+    assert after[-1].covariance[0, 0] > before[-1].covariance[0, 0]
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_a_target_that_comes_back_elsewhere_is_found(name):
+    """Away for thirty frames, back two hundred pixels from where it was."""
+    video = DrawnVideo(seed=4, blob=60)
+    tracker = create_tracker(name, seed=1)
+    here, there = (60.0, 60.0), (250.0, 180.0)
+    tracker.start(video.frame(here), box_at(here))
+    for center in [here] * 10 + [None] * 30:
+        tracker.update(video.frame(center))
+    for _ in range(60):
+        estimate = tracker.update(video.frame(there))
+        if estimate.box.iou(box_at(there)) > 0.5:
+            break
+    assert estimate.box.iou(box_at(there)) > 0.5
+    for _ in range(5):
+        estimate = tracker.update(video.frame(there))
+    assert estimate.state is TrackState.TRACKING
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_starting_again_forgets_the_old_target(name):
+    """A new target on a new frame size, and nothing of the old one is left."""
+    first, second = DrawnVideo(seed=1), DrawnVideo(seed=2)
+    used, fresh = (create_tracker(name, seed=np.random.default_rng(5)) for _ in range(2))
+    fresh_frames = [second.frame((120.0 + 2 * i, 100.0))[:200] for i in range(12)]
+    used.start(first.frame(START), box_at(START))
+    for _ in range(4):
+        used.update(first.frame(START))
+    for tracker in (used, fresh):
+        tracker.start(fresh_frames[0], box_at((120.0, 100.0)))
+        for frame in fresh_frames[1:]:
+            estimate = tracker.update(frame)
+        assert estimate.box.iou(box_at((142.0, 100.0))) > 0.6
+        assert estimate.state is TrackState.TRACKING
