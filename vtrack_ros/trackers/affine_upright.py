@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import affine
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget, Sighting
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget
+from vtrack_ros.trackers.sighting import Sighting
 
 Array = NDArray[np.float64]
 

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_peak
 from vtrack_ros.appearance.foreground import box_mean
-from vtrack_ros.appearance.target import Point, TargetModel, View
+from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers.base import Estimate, TrackState
+from vtrack_ros.trackers.sighting import Hypothesis, look_for, Sighting
 
-#: Trouble is when the evidence or the likeness falls below these shares of their running means.
+#: Trouble is when the evidence falls below this share of its running mean, or the likeness below
+#: its share (or below a level that is trusted in every target).
 _EVIDENCE_TROUBLE = 0.7
-_LIKENESS_TROUBLE = 0.6
+_LIKENESS_TROUBLE, _ALWAYS_GOOD = 0.6, 0.15
 #: The running means are slow, or they would get used to an occluder.
 _MEAN_RATE = 0.03
-#: Likeness, as a share of its mean before the trouble: implausible below, trusted above.
-_IMPLAUSIBLE = 0.35
-_TRUSTED = 0.6
+#: Likeness that ends the trouble, or justifies a jump: the lower of a share and a level.
+_TRUSTED_SHARE, _TRUSTED = 0.6, 0.16
+#: Likeness that leaves the present place plausible, likewise.
+_PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
 #: Frames of trusted likeness that end the trouble.
 _TRUSTED_FRAMES = 5
 #: Frames after which a target that looks different, but is seen well, is taken for changed.
-_ACCEPTED_FRAMES = 40
+_ACCEPTED_FRAMES, _ACCEPTED = 40, 0.12
 #: A jump needs this much more likeness, and that often while the present place is plausible.
-_JUMP_GAIN = 0.1
+_JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
 #: A place is worth verifying where the evidence has this share of its mean.
 _WORTH_VERIFYING = 0.5
@@ -38,94 +39,11 @@ _SCALE_EVERY = 2
 #: 95 % of all likenesses are above 0.10, off it 90 % are below 0.09.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.09, 0.02
 _LOST_FRAMES = 30
+#: The target is looked for on its straight way on for that long.
+_EXTRAPOLATED_FRAMES = 60
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.06, 0.09
 _SMALLEST, _LARGEST = 0.2, 5.0
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """
-    One belief about the target; a snapshot of it is the object itself.
-
-    Parameters
-    ----------
-    model : TargetModel
-        The model.
-    center, size : tuple of float, [px]
-        The centre and the size.
-    evidence_mean, likeness_mean : float
-        What's usual for this target.
-
-    """
-
-    model: TargetModel
-    center: Point
-    size: Point
-    evidence_mean: float
-    likeness_mean: float
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """
-    What a window of a frame says about the target's place.
-
-    Parameters
-    ----------
-    view : View
-        The window that was looked at.
-    spectrum : ndarray of complex64
-        Of the example.
-    evidence : ndarray of float32, shape (rows, columns)
-        The view's centre is at [rows // 2, columns // 2].
-    peak : float
-        The highest evidence.
-    center : tuple of float, [px]
-        Where it is.
-    cell : tuple of float, [px]
-        A cell's size.
-
-    """
-
-    view: View
-    spectrum: Spectrum
-    evidence: NDArray[np.float32]
-    peak: float
-    center: Point
-    cell: Point
-
-    def cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return points, shape (N, 2) in pixels, in cells of the evidence map."""
-        rows, columns = self.evidence.shape
-        result: NDArray[np.float64] = (points - self.view.center) / self.cell + (
-            columns // 2, rows // 2)
-        return result
-
-    def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the evidence at points, shape (N, 2) in pixels; 0 beyond the window."""
-        cells = self.cells(points).astype(np.float32)
-        values = cv2.remap(self.evidence, cells[None, :, 0], cells[None, :, 1],
-                           cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-        result: NDArray[np.float64] = values[0].astype(np.float64)
-        return result
-
-    def climb(self, start: Point) -> Point:
-        """Return the local maximum of the evidence that is uphill from a place, in pixels."""
-        rows, columns = self.evidence.shape
-        x, y = self.cells(np.array([start]))[0]
-        column, row = (int(min(max(round(value), 0), size - 1))
-                       for value, size in ((x, columns), (y, rows)))
-        while True:
-            top, left = max(0, row - 2), max(0, column - 2)
-            near = self.evidence[top:row + 3, left:column + 3]
-            up, across = divmod(int(near.argmax()), near.shape[1])
-            if (top + up, left + across) == (row, column):
-                break
-            row, column = top + up, left + across
-        x, y = subcell_offset(self.evidence, row, column)
-        return (self.view.center[0] + (column + x - columns // 2) * self.cell[0],
-                self.view.center[1] + (row + y - rows // 2) * self.cell[1])
 
 
 class DiscriminativeTarget:
@@ -216,7 +134,7 @@ class DiscriminativeTarget:
 
     def look(self, frame: Frame, center: Point) -> Sighting:
         """Look for the target about a place, in pixels, with the live model."""
-        return _sighting(self.live, frame, center)
+        return look_for(self.live, frame, center)
 
     def settle(self, frame: Frame, sighting: Sighting, center: Point, dt: float) -> bool:
         """
@@ -275,7 +193,8 @@ class DiscriminativeTarget:
             self.live = before = replace(
                 self.live, evidence_mean=peak, likeness_mean=self.likeness)
         evidence, likeness = before.evidence_mean, before.likeness_mean
-        if peak < _EVIDENCE_TROUBLE * evidence or self.likeness < _LIKENESS_TROUBLE * likeness:
+        if peak < _EVIDENCE_TROUBLE * evidence or (
+                self.likeness < min(_LIKENESS_TROUBLE * likeness, _ALWAYS_GOOD)):
             self._snapshot = before
             self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
             return
@@ -292,22 +211,23 @@ class DiscriminativeTarget:
         usual = self.live.evidence_mean
         self.live = replace(self.live, evidence_mean=usual + _MEAN_RATE * (peak - usual))
         self._doubtful_frames += 1
-        relative = self.likeness / snapshot.likeness_mean
-        self._trusted_frames = self._trusted_frames + 1 if relative > _TRUSTED else 0
-        changed = (self._doubtful_frames > _ACCEPTED_FRAMES and relative >= _IMPLAUSIBLE
+        level = snapshot.likeness_mean
+        trusted = min(_TRUSTED_SHARE * level, _TRUSTED)
+        plausible = self.likeness >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
+        self._trusted_frames = self._trusted_frames + 1 if self.likeness > trusted else 0
+        changed = (self._doubtful_frames > _ACCEPTED_FRAMES and self.likeness > _ACCEPTED
                    and peak > 0.8 * usual)
         if self._trusted_frames >= _TRUSTED_FRAMES or changed:
             self._snapshot = None
-            mean = self.likeness if changed else snapshot.likeness_mean
+            mean = self.likeness if changed else level
             self.live = replace(self.live, likeness_mean=mean)
             return False
         found = self._best_place(frame, snapshot)
         if found is None or found[0] < max(
-                _TRUSTED * snapshot.likeness_mean,
-                self.likeness + _JUMP_GAIN * snapshot.likeness_mean):
+                trusted, self.likeness + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN)):
             return False
         self._jump_frames += 1
-        if relative >= _IMPLAUSIBLE and self._jump_frames < _JUMP_FRAMES:
+        if plausible and self._jump_frames < _JUMP_FRAMES:
             return False
         self.likeness, center = found
         self.live = replace(snapshot, center=center)
@@ -318,7 +238,7 @@ class DiscriminativeTarget:
         """Return the likeness and the centre of the best verified place, if there is one."""
         best: tuple[float, Point] | None = None
         for place in self._places(frame, snapshot):
-            sighting = _sighting(snapshot, frame, place)
+            sighting = look_for(snapshot, frame, place)
             if sighting.peak < _WORTH_VERIFYING * snapshot.evidence_mean:
                 continue
             center = _inside(sighting.center, frame)
@@ -336,9 +256,11 @@ class DiscriminativeTarget:
         age = self._doubtful_frames
         places = []
         for turn in range(age * self._searches, (age + 1) * self._searches):
-            if turn % 2 == 0:
-                drift = 0.5 * min(age, 10) * self._velocity
-                place = (snapshot.center[0] + drift[0], snapshot.center[1] + drift[1])
+            if turn % 4 == 0:
+                place = snapshot.center
+            elif turn % 2 == 0:
+                x, y = np.array(snapshot.center) + min(age, _EXTRAPOLATED_FRAMES) * self._velocity
+                place = (x, y)
             elif age > 8 and self._rng.random() < 0.5:
                 place = self._coloured_place(frame, snapshot)
             else:
@@ -360,18 +282,6 @@ class DiscriminativeTarget:
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
         row, column = divmod(int(colour.argmax()), colour.shape[1])
         return float(column * stride), float(row * stride)
-
-
-def _sighting(hypothesis: Hypothesis, frame: Frame, center: Point) -> Sighting:
-    model = hypothesis.model
-    view = model.view(frame, center, hypothesis.size)
-    spectrum = model.transform(view)
-    evidence = model.evidence(view, spectrum)
-    peak, x, y = subcell_peak(evidence)
-    cell = model.layout.cell(view.size)
-    place = (view.center[0] + (x - model.layout.columns // 2) * cell[0],
-             view.center[1] + (y - model.layout.rows // 2) * cell[1])
-    return Sighting(view, spectrum, evidence, peak, place, cell)
 
 
 def _inside(center: Point, frame: Frame) -> Point:

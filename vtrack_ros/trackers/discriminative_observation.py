@@ -6,8 +6,9 @@ import numpy as np
 
 from vtrack_ros.appearance.histogram import Boxes
 from vtrack_ros.frame import Frame
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget, Sighting
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.observation import Array, Conclusion, Measurement, Observation
+from vtrack_ros.trackers.sighting import Sighting
 
 #: Error of the measured centre, as a share of the target's mean side, where it's seen well.
 _MEASURED_ERROR = 0.05

@@ -1,0 +1,111 @@
+"""A belief about a target, and what a frame says about the target's place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_peak
+from vtrack_ros.appearance.target import Point, TargetModel, View
+from vtrack_ros.frame import Frame
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """
+    One belief about the target; a snapshot of it is the object itself.
+
+    Parameters
+    ----------
+    model : TargetModel
+        The model.
+    center, size : tuple of float, [px]
+        The centre and the size.
+    evidence_mean, likeness_mean : float
+        What's usual for this target.
+
+    """
+
+    model: TargetModel
+    center: Point
+    size: Point
+    evidence_mean: float
+    likeness_mean: float
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """
+    What a window of a frame says about the target's place.
+
+    Parameters
+    ----------
+    view : View
+        The window that was looked at.
+    spectrum : ndarray of complex64
+        Of the example.
+    evidence : ndarray of float32, shape (rows, columns)
+        The view's centre is at [rows // 2, columns // 2].
+    peak : float
+        The highest evidence.
+    center : tuple of float, [px]
+        Where it is.
+    cell : tuple of float, [px]
+        A cell's size.
+
+    """
+
+    view: View
+    spectrum: Spectrum
+    evidence: NDArray[np.float32]
+    peak: float
+    center: Point
+    cell: Point
+
+    def cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points, shape (N, 2) in pixels, in cells of the evidence map."""
+        rows, columns = self.evidence.shape
+        result: NDArray[np.float64] = (points - self.view.center) / self.cell + (
+            columns // 2, rows // 2)
+        return result
+
+    def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the evidence at points, shape (N, 2) in pixels; 0 beyond the window."""
+        cells = self.cells(points).astype(np.float32)
+        values = cv2.remap(self.evidence, cells[None, :, 0], cells[None, :, 1],
+                           cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+        result: NDArray[np.float64] = values[0].astype(np.float64)
+        return result
+
+    def climb(self, start: Point) -> Point:
+        """Return the local maximum of the evidence that is uphill from a place, in pixels."""
+        rows, columns = self.evidence.shape
+        x, y = self.cells(np.array([start]))[0]
+        column, row = (int(min(max(round(value), 0), size - 1))
+                       for value, size in ((x, columns), (y, rows)))
+        while True:
+            top, left = max(0, row - 2), max(0, column - 2)
+            near = self.evidence[top:row + 3, left:column + 3]
+            up, across = divmod(int(near.argmax()), near.shape[1])
+            if (top + up, left + across) == (row, column):
+                break
+            row, column = top + up, left + across
+        x, y = subcell_offset(self.evidence, row, column)
+        return (self.view.center[0] + (column + x - columns // 2) * self.cell[0],
+                self.view.center[1] + (row + y - rows // 2) * self.cell[1])
+
+
+def look_for(hypothesis: Hypothesis, frame: Frame, center: Point) -> Sighting:
+    """Look for the target about a place, in pixels, as a belief knows it."""
+    model = hypothesis.model
+    view = model.view(frame, center, hypothesis.size)
+    spectrum = model.transform(view)
+    evidence = model.evidence(view, spectrum)
+    peak, x, y = subcell_peak(evidence)
+    cell = model.layout.cell(view.size)
+    place = (view.center[0] + (x - model.layout.columns // 2) * cell[0],
+             view.center[1] + (y - model.layout.rows // 2) * cell[1])
+    return Sighting(view, spectrum, evidence, peak, place, cell)
