@@ -171,3 +171,12 @@ def test_jacobian_of_a_linear_map():
     matrix = np.array([[1.0, 2.0], [3.0, -4.0], [0.5, 0.0]])
     slope = jacobian(lambda p: matrix @ p, np.array([3.0, 7.0]), 1e-3)
     assert slope == pytest.approx(matrix, abs=1e-9)
+
+
+def test_a_box_that_no_ray_sees():
+    """Beyond the reach of the lens model there is no place, rather than a wrong one."""
+    camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480, 'plumb_bob', (-0.3, 0.0, 0.0, 0.0))
+    # r (1 - 0.3 r^2) is at most 0.703, at r = 1.054: nothing is farther than 351 px out.
+    assert all(map(math.isnan, camera.ray(320.0 + 360.0, 240.0)))
+    assert not any(map(math.isnan, camera.ray(320.0 + 340.0, 240.0)))
+    assert locate(estimate(320.0 + 360.0, 240.0, 10.0, 10.0), camera, width=0.5) is None

@@ -141,11 +141,10 @@ class Pipeline:
         position = locate(estimate, camera, units, settings.number('target_width'),
                           settings.number('target_height'))
         if position is None:
-            needed = 'camera_info of the image'
+            needed = 'camera_info of the image, a box within the reach of its lens model'
             if units == 'metres':
-                needed += ' and target_width or target_height'
-            self._quiet.warning(
-                f'no pose: pose_units {units} needs {needed}')
+                needed += ', and target_width or target_height'
+            self._quiet.warning(f'no pose: pose_units {units} needs {needed}')
         return position
 
     def _arrived(self, stamp: int, now: int) -> None:

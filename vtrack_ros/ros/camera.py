@@ -129,6 +129,11 @@ class Camera:
         column, row : float, [px]
             From the outer corner of the first pixel.
 
+        Returns
+        -------
+        x, y : float
+            NaN where the lens model has no such ray: far outside the image it may bend back.
+
         """
         x = (column * self.binning[0] + self.offset[0] - 0.5 - self.cx) / self.fx
         y = (row * self.binning[1] + self.offset[1] - 0.5 - self.cy) / self.fy
@@ -139,10 +144,16 @@ class Camera:
         for _ in range(20):
             error = np.array(self._distorted(guess[0], guess[1])) - target
             slope = jacobian(lambda p: np.array(self._distorted(p[0], p[1])), guess, 1e-6)
-            step = np.linalg.lstsq(slope, error)[0]
+            step = np.linalg.lstsq(slope, error, rcond=None)[0]
             guess = guess - step
             if np.abs(step).max() < 1e-13:
                 break
+        missed = np.array(self._distorted(guess[0], guess[1])) - target
+        slope = jacobian(lambda p: np.array(self._distorted(p[0], p[1])), guess, 1e-6)
+        # A lens doesn't turn the image inside out; a model does, beyond its reach.
+        upright = np.trace(slope) > 0 and np.linalg.det(slope) > 0
+        if not (upright and np.abs(missed).max() < 1e-9):
+            return math.nan, math.nan
         return float(guess[0]), float(guess[1])
 
     def _distorted(self, x: float, y: float) -> tuple[float, float]:
@@ -225,5 +236,8 @@ def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
     box: Box = estimate.box
     values = np.array([*box.center, box.width, box.height])
     step = min(1e-3, box.width / 4, box.height / 4)
+    point = place(values)
+    if not np.isfinite(point).all() or point[2] <= 0:
+        return None
     slope = jacobian(place, values, step)
-    return Position(place(values), slope @ estimate.covariance @ slope.T, units)
+    return Position(point, slope @ estimate.covariance @ slope.T, units)
