@@ -7,7 +7,7 @@ import pytest
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.camera import Camera, jacobian, locate
+from vtrack_ros.ros.camera import Camera, locate
 from vtrack_ros.trackers import Estimate, TrackState
 
 PINHOLE = Camera(fx=500.0, fy=400.0, cx=319.5, cy=239.5, width=640, height=480)
@@ -166,11 +166,25 @@ def test_wrong_calibration(changes, words):
         Camera.from_message(info(**changes))
 
 
-def test_jacobian_of_a_linear_map():
-    """The derivative of A x is A."""
-    matrix = np.array([[1.0, 2.0], [3.0, -4.0], [0.5, 0.0]])
-    slope = jacobian(lambda p: matrix @ p, np.array([3.0, 7.0]), 1e-3)
-    assert slope == pytest.approx(matrix, abs=1e-9)
+@pytest.mark.parametrize('coefficients', [(), (-0.3, 0.1, 0.001, -0.0005, -0.02)])
+@pytest.mark.parametrize('size', [{}, {'width': 0.5}, {'height': 0.4}])
+def test_covariance_is_the_derivative_of_the_place(coefficients, size):
+    """It's J C J^T, J by central differences of the place itself."""
+    camera = Camera(500.0, 400.0, 319.5, 239.5, 640, 480, 'plumb_bob', coefficients,
+                    (10.0, 20.0), (2.0, 2.0))
+    mean = np.array([180.0, 90.0, 40.0, 30.0])
+    root = np.random.default_rng(2).normal(size=(4, 4))
+    covariance = root @ root.T
+    columns = []
+    for index in range(4):
+        step = np.eye(4)[index] * 1e-4
+        places = [locate(estimate(*(mean + sign * step)), camera, **size).point
+                  for sign in (1, -1)]
+        columns.append((places[0] - places[1]) / 2e-4)
+    slope = np.stack(columns, axis=1)
+    position = locate(estimate(*mean, covariance), camera, **size)
+    expected = slope @ covariance @ slope.T
+    assert position.covariance == pytest.approx(expected, rel=1e-5, abs=1e-9)
 
 
 def test_a_box_that_no_ray_sees():

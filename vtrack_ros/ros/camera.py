@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -122,8 +121,6 @@ class Camera:
         """
         Return x and y of the ray at depth 1 that a place on the image sees.
 
-        Newton's method on the distortion, whose derivative is taken numerically.
-
         Parameters
         ----------
         column, row : float, [px]
@@ -135,26 +132,63 @@ class Camera:
             NaN where the lens model has no such ray: far outside the image it may bend back.
 
         """
-        x = (column * self.binning[0] + self.offset[0] - 0.5 - self.cx) / self.fx
-        y = (row * self.binning[1] + self.offset[1] - 0.5 - self.cy) / self.fy
+        (x, y), _ = self.ray_and_slope(column, row)
+        return x, y
+
+    def ray_and_slope(self, column: float, row: float) -> tuple[tuple[float, float], Vector]:
+        """
+        Return a ray as `ray` does, and its derivative by the place on the image.
+
+        Newton's method on the distortion; the derivative of an inverse is the inverse derivative.
+
+        Parameters
+        ----------
+        column, row : float, [px]
+            From the outer corner of the first pixel.
+
+        Returns
+        -------
+        ray : tuple of float
+            x and y at depth 1.
+        slope : ndarray, shape (2, 2), [1/px]
+            Of x and y (rows) by column and row (columns).
+
+        """
+        scale_x, scale_y = self.binning[0] / self.fx, self.binning[1] / self.fy
+        wanted_x = (column * self.binning[0] + self.offset[0] - 0.5 - self.cx) / self.fx
+        wanted_y = (row * self.binning[1] + self.offset[1] - 0.5 - self.cy) / self.fy
         if not self.coefficients:
-            return x, y
-        target = np.array([x, y])
-        guess = target.copy()
-        for _ in range(20):
-            error = np.array(self._distorted(guess[0], guess[1])) - target
-            slope = jacobian(lambda p: np.array(self._distorted(p[0], p[1])), guess, 1e-6)
-            step = np.linalg.lstsq(slope, error, rcond=None)[0]
-            guess = guess - step
-            if np.abs(step).max() < 1e-13:
+            return (wanted_x, wanted_y), np.array([[scale_x, 0.0], [0.0, scale_y]])
+        x, y = wanted_x, wanted_y
+        for _ in range(30):
+            bent_x, bent_y = self._distorted(x, y)
+            (xx, xy), (yx, yy) = self._bend(x, y)
+            determinant = xx * yy - xy * yx
+            if not (math.isfinite(determinant) and abs(determinant) > 1e-12):
                 break
-        missed = np.array(self._distorted(guess[0], guess[1])) - target
-        slope = jacobian(lambda p: np.array(self._distorted(p[0], p[1])), guess, 1e-6)
+            error_x, error_y = bent_x - wanted_x, bent_y - wanted_y
+            step_x = (yy * error_x - xy * error_y) / determinant
+            step_y = (xx * error_y - yx * error_x) / determinant
+            x, y = x - step_x, y - step_y
+            if max(abs(step_x), abs(step_y)) < 1e-13:
+                break
+        bent_x, bent_y = self._distorted(x, y)
+        (xx, xy), (yx, yy) = self._bend(x, y)
+        determinant = xx * yy - xy * yx
         # A lens doesn't turn the image inside out; a model does, beyond its reach.
-        upright = np.trace(slope) > 0 and np.linalg.det(slope) > 0
-        if not (upright and np.abs(missed).max() < 1e-9):
-            return math.nan, math.nan
-        return float(guess[0]), float(guess[1])
+        upright = xx + yy > 0 and determinant > 0
+        if not (upright and max(abs(bent_x - wanted_x), abs(bent_y - wanted_y)) < 1e-9):
+            return (math.nan, math.nan), np.full((2, 2), math.nan)
+        return (x, y), np.array([[yy * scale_x, -xy * scale_y],
+                                 [-yx * scale_x, xx * scale_y]]) / determinant
+
+    def _bend(self, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the derivative of the distortion, row by row, by central differences."""
+        step = 1e-6
+        right, left = self._distorted(x + step, y), self._distorted(x - step, y)
+        below, above = self._distorted(x, y + step), self._distorted(x, y - step)
+        return (((right[0] - left[0]) / (2 * step), (below[0] - above[0]) / (2 * step)),
+                ((right[1] - left[1]) / (2 * step), (below[1] - above[1]) / (2 * step)))
 
     def _distorted(self, x: float, y: float) -> tuple[float, float]:
         d = self.coefficients
@@ -175,16 +209,6 @@ class Camera:
             radial /= 1 + squared * (d[5] + squared * (d[6] + squared * d[7]))
         return (x * radial + 2 * d[2] * x * y + d[3] * (squared + 2 * x * x),
                 y * radial + d[2] * (squared + 2 * y * y) + 2 * d[3] * x * y)
-
-
-def jacobian(function: Callable[[Vector], Vector], point: Vector, step: float) -> Vector:
-    """Return the derivative of a function by central differences, shape (outputs, inputs)."""
-    columns = []
-    for index in range(point.size):
-        offset = np.zeros(point.size)
-        offset[index] = step
-        columns.append((function(point + offset) - function(point - offset)) / (2 * step))
-    return np.stack(columns, axis=1)
 
 
 def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
@@ -219,25 +243,48 @@ def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
         return Position(np.array([*estimate.box.center, 0.0]), covariance, units)
     if camera is None or (units == 'metres' and not sized):
         return None
-    known = camera
-
-    def place(values: Vector) -> Vector:
-        cx, cy, box_width, box_height = (float(value) for value in values)
-        x, y = known.ray(cx, cy)
-        depth = 1.0
-        if units == 'metres' and width > 0:
-            left, right = known.ray(cx - box_width / 2, cy), known.ray(cx + box_width / 2, cy)
-            depth = width / (right[0] - left[0])
-        elif units == 'metres':
-            top, bottom = known.ray(cx, cy - box_height / 2), known.ray(cx, cy + box_height / 2)
-            depth = height / (bottom[1] - top[1])
-        return depth * np.array([x, y, 1.0])
-
     box: Box = estimate.box
-    values = np.array([*box.center, box.width, box.height])
-    step = min(1e-3, box.width / 4, box.height / 4)
-    point = place(values)
-    if not np.isfinite(point).all() or point[2] <= 0:
+    cx, cy = box.center
+    ray, slope = camera.ray_and_slope(cx, cy)
+    direction = np.array([*ray, 1.0])
+    # By (centre x, centre y, width, height), as the covariance.
+    bend = np.zeros((3, 4))
+    bend[:2, :2] = slope
+    depth, change = 1.0, np.zeros(4)
+    if units == 'metres':
+        across = 0 if width > 0 else 1
+        depth, change = _depth(camera, box, across, width if width > 0 else height)
+    point = depth * direction
+    if not np.isfinite(point).all() or depth <= 0:
         return None
-    slope = jacobian(place, values, step)
-    return Position(point, slope @ estimate.covariance @ slope.T, units)
+    total = depth * bend + np.outer(direction, change)
+    return Position(point, total @ estimate.covariance @ total.T, units)
+
+
+def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:
+    """
+    Return the depth of something of a known size, and its derivative by the box.
+
+    Parameters
+    ----------
+    camera : Camera
+        Whose pixels they are.
+    box : Box
+        What it covers.
+    across : {0, 1}
+        Whether `size` is the width or the height.
+    size : float, [m]
+        The real one.
+
+    """
+    half = np.zeros(2)
+    half[across] = (box.width, box.height)[across] / 2
+    center = np.array(box.center)
+    near, near_slope = camera.ray_and_slope(*(center - half))
+    far, far_slope = camera.ray_and_slope(*(center + half))
+    span = far[across] - near[across]
+    change = np.zeros(4)
+    change[:2] = far_slope[across] - near_slope[across]
+    change[2 + across] = (far_slope[across, across] + near_slope[across, across]) / 2
+    depth = size / span if span else math.nan
+    return depth, -depth / span * change if span else change * math.nan
