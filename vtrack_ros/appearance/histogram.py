@@ -96,6 +96,8 @@ class ColourHistogram:
         """
         offsets = _offsets(self.grid)
         box = box.copy()
+        # the derivative of the profile 1 - r^2: the same everywhere on the ellipse, 0 around it
+        inside = self._weights > 0
         for _ in range(steps):
             index, left, top, stride = self._bin_image(frame, box[None])
             if not index.size:
@@ -104,7 +106,7 @@ class ColourHistogram:
                               self.grid)[0]
             histogram = np.bincount(sampled, self._weights, len(reference) + 1)
             ratio = np.append(np.sqrt(reference / np.maximum(histogram[:-1], 1e-9)), 0.0)
-            weights = ratio[sampled].reshape(self.grid, self.grid)
+            weights = (ratio[sampled] * inside).reshape(self.grid, self.grid)
             total = float(weights.sum())
             if total <= 0:
                 break

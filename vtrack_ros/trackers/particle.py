@@ -38,6 +38,8 @@ PARTICLE_PARAMETERS = ParameterTable([
               'of the mean side (paper preset).', 0.001, 0.5),
     Parameter('cues', 'colour', 'Cues of the paper preset.',
               choices=('colour', 'colour+motion_edge')),
+    Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram (paper preset); "
+              'in force at the next start.', choices=('flat', 'epanechnikov')),
     Parameter('fusion', 'dempster_shafer', 'How the cues are fused (paper preset).',
               choices=tuple(FUSION_RULES)),
     Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)) (paper '
@@ -61,7 +63,6 @@ class ParticleTracker(Tracker):
     """
 
     PARAMETERS = PARTICLE_PARAMETERS
-    _kernel = 'flat'
     _steered = False
     _filter: ParticleFilter
 
@@ -84,7 +85,7 @@ class ParticleTracker(Tracker):
         if parameters['preset'] == 'paper':
             self._observation: Observation = CueObservation(
                 str(parameters['cues']), str(parameters['fusion']), float(parameters['sigma']),
-                self._kernel)
+                str(parameters['kernel']))
         else:
             self._observation = DiscriminativeObservation(
                 DiscriminativeTarget(self._rng), float(parameters['temperature']))
@@ -241,11 +242,13 @@ class QuadratureParticleFilter(ParticleTracker):
     PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
         Parameter('cues', 'colour+motion_edge', 'Cues of the paper preset.',
                   choices=('colour', 'colour+motion_edge')),
+        Parameter('kernel', 'epanechnikov', "Weights of a box's pixels in the colour histogram "
+                  '(paper preset); in force at the next start.',
+                  choices=('flat', 'epanechnikov')),
         Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
         Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
                   'share of the particles.', 0.0, 1.0),
     ])
-    _kernel = 'epanechnikov'
     _steered = True
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
