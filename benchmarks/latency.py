@@ -110,6 +110,8 @@ def null_node() -> int:
     subscription = node.create_subscription(
         Image, '/null/image', lambda message: publisher.publish(
             PoseStamped(header=message.header)), QoSProfile(depth=1))
+    # Without any timer a shutdown may go unseen.
+    node.create_timer(1.0, lambda: None)
     try:
         rclpy.spin(node)
     except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):

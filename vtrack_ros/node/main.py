@@ -84,6 +84,7 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
     import rclpy
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     import cv2
+    from rclpy.clock import Clock, ClockType
     from rclpy.exceptions import ParameterException
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     import rclpy.utilities
@@ -114,6 +115,9 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
         # several frames of a fast camera.
         gc.collect()
         gc.freeze()
+        # A signal that comes just when the executor goes to sleep may fail to wake it: the
+        # shutdown is then seen at the next beat, instead of never.
+        node.create_timer(1.0, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
         log = QuietLog(node.get_logger())
         executor = SingleThreadedExecutor()
         executor.add_node(node)
