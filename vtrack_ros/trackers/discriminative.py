@@ -42,7 +42,7 @@ _LOST_FRAMES = 30
 #: The target is looked for on its straight way on for that long.
 _EXTRAPOLATED_FRAMES = 60
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
-_CENTER_ERROR, _SIZE_ERROR = 0.06, 0.09
+_CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
 _SMALLEST, _LARGEST = 0.2, 5.0
 
 

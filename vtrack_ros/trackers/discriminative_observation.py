@@ -32,7 +32,7 @@ class DiscriminativeObservation(Observation):
     """
 
     sized = False
-    center_error, size_error = 0.06, 0.09
+    center_error, size_error = 0.07, 0.10
 
     def __init__(self, target: DiscriminativeTarget, temperature: float) -> None:
         self.target = target
