@@ -1,4 +1,4 @@
-"""A drawn target, textured like its background but with other colours, that goes where it's told."""
+"""A drawn target, textured like its background but with colours of its own, on any path."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def test_dempsters_rule_by_intersections_of_sets(trusts):
 
 
 def test_full_trust_gives_the_normalised_product():
-    """p q / (p q + (1 - p)(1 - q)), to the doubt that is always left."""
+    """It is p q / (p q + (1 - p)(1 - q)), to the doubt that is always left."""
     p, q = np.meshgrid(np.linspace(0.2, 0.8, 7), np.linspace(0.2, 0.8, 7))
     found = np.exp(dempster_shafer(np.stack([p.ravel(), q.ravel()]), np.ones(2)))
     expected = p * q / (p * q + (1 - p) * (1 - q))

@@ -64,7 +64,7 @@ def test_what_is_outside_is_missing_from_the_sum():
 
 
 def test_the_epanechnikov_profile():
-    """1 - r^2 inside the inscribed ellipse, nothing in the corners [Qi2012, eq. 5]."""
+    """It is 1 - r^2 inside the inscribed ellipse, nothing in the corners [Qi2012, eq. 5]."""
     grid = 10
     frame = np.zeros((grid, grid), np.uint8)
     frame.flat = np.arange(grid * grid)
@@ -80,7 +80,7 @@ def test_the_epanechnikov_profile():
 
 @pytest.mark.parametrize('kernel', ['flat', 'epanechnikov'])
 def test_bhattacharyya_coefficients(kernel):
-    """1 with itself, 0 with what shares no colour, the formula in between, and symmetric."""
+    """It is 1 with itself, 0 with what shares no colour, the formula in between, and symmetric."""
     frame = np.zeros((60, 80, 3), np.uint8)
     frame[:, :40] = (255, 0, 0)
     frame[:, 40:] = (0, 0, 255)

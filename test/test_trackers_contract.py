@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tracemalloc
 
+from drawn_video import box_at, DrawnVideo, START, straight
 import numpy as np
 import pytest
-from drawn_video import box_at, DrawnVideo, START, straight
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState

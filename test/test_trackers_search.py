@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from drawn_video import box_at, DrawnVideo, texture
 import numpy as np
 import pytest
-from drawn_video import box_at, DrawnVideo, texture
 
 from vtrack_ros.trackers import create_tracker, TrackState
 

@@ -216,6 +216,11 @@ class AffineTracker(Tracker):
         angle = float(affine.angle(self._state))
         if self._target is not None:
             return self._target.target.estimate(covariance, angle, boxes, frame)
+        assert self._frame_shape is not None
+        box = Box.from_center(*bound)
+        visible = box.clipped(self._frame_shape[1], self._frame_shape[0])
+        # patches repeat the border beyond it, and may look like anything there
+        likeness *= 0.0 if visible is None else visible.area / box.area
         confidence = float(1 / (1 + np.exp(-(likeness - _EVEN_LIKENESS) / _LIKENESS_SPREAD)))
         self._doubtful_frames = self._doubtful_frames + 1 if likeness < _UNLIKE else 0
         state = (TrackState.LOST if self._doubtful_frames > _LOST_FRAMES else
@@ -223,7 +228,7 @@ class AffineTracker(Tracker):
         errors = np.repeat([_CENTER_ERROR, _SIZE_ERROR], 2)
         covariance += np.diag(errors**2) * bound[2] * bound[3]
         return Estimate(
-            box=Box.from_center(*bound), angle=angle, covariance=covariance,
+            box=box, angle=angle, covariance=covariance,
             confidence=confidence, particles=boxes, affine=frame, state=state)
 
 

@@ -38,8 +38,8 @@ PARTICLE_PARAMETERS = ParameterTable([
               'of the mean side (paper preset).', 0.001, 0.5),
     Parameter('cues', 'colour', 'Cues of the paper preset.',
               choices=('colour', 'colour+motion_edge')),
-    Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram (paper preset); "
-              'in force at the next start.', choices=('flat', 'epanechnikov')),
+    Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram (paper "
+              'preset); in force at the next start.', choices=('flat', 'epanechnikov')),
     Parameter('fusion', 'dempster_shafer', 'How the cues are fused (paper preset).',
               choices=tuple(FUSION_RULES)),
     Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)) (paper '
