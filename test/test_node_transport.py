@@ -5,6 +5,8 @@ import time
 from node_harness import Client, image_message, NodeProcess, Scene, STEP
 import pytest
 
+pytestmark = pytest.mark.realtime
+
 SCENE = Scene(640, 480, 60)
 COUNT = 60
 
