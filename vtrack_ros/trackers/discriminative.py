@@ -38,6 +38,8 @@ _SCALE_EVERY = 2
 #: Likeness at which on and off the target are even, and the width of the transition. On the target
 #: 95 % of all likenesses are above 0.10, off it 90 % are below 0.09.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.09, 0.02
+#: A target that's plain to see is told from textures that look a little like everything.
+_EVEN_SHARE = 0.2
 _LOST_FRAMES = 30
 #: The target is looked for on its straight way on for that long.
 _EXTRAPOLATED_FRAMES = 60
@@ -90,7 +92,13 @@ class DiscriminativeTarget:
     @property
     def confidence(self) -> float:
         """How sure it is that the live place is the target's, in [0, 1]."""
-        return float(1 / (1 + np.exp(-(self.likeness - _EVEN_LIKENESS) / _LIKENESS_SPREAD)))
+        return float(1 / (1 + np.exp(-(self.likeness - self._even_likeness) / _LIKENESS_SPREAD)))
+
+    @property
+    def _even_likeness(self) -> float:
+        """Return the likeness at which on and off the target are even."""
+        usual = (self._snapshot or self.live).likeness_mean
+        return max(_EVEN_LIKENESS, _EVEN_SHARE * usual)
 
     def estimate(self, covariance: NDArray[np.float64], angle: float = 0.0,
                  particles: NDArray[np.float64] | None = None,
@@ -165,7 +173,7 @@ class DiscriminativeTarget:
             found = False
         else:
             found = self._search(frame, sighting.peak, dt)
-        seen = self.likeness >= _EVEN_LIKENESS
+        seen = self.likeness >= self._even_likeness
         self.out_of_sight_frames = 0 if seen else self.out_of_sight_frames + 1
         return found
 
