@@ -323,3 +323,20 @@ def test_a_belief_of_other_shapes_is_refused():
         Belief(np.zeros((3, 2)), Weights.uniform(3), 0.0, np.zeros((3, 3, 3)))
     with pytest.raises(ValueError, match='estimate'):
         Belief(np.zeros((3, 2)), Weights.uniform(3), 0.0, None, (np.zeros(2),))
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3])
+def test_simplified_weights_need_no_densities_of_the_grey_samples(share):
+    """The same random numbers give the same particles and weights, with or without them."""
+    runs = []
+    for densities in (True, False):
+        model = ConstantVelocity()
+        proposal = GreyProposal(prior_share=share, densities=densities)
+        loop = ParticleFilter(model, proposal, particles=50, weighting='simplified',
+                              rng=np.random.default_rng(1))
+        loop.start(np.zeros(4), np.eye(4))
+        for k in range(8):
+            step = loop.step(np.array([1.0 * k, 0.0]))
+        runs.append(step.belief)
+    np.testing.assert_array_equal(runs[0].states, runs[1].states)
+    np.testing.assert_array_equal(runs[0].weights.values, runs[1].weights.values)

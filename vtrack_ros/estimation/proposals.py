@@ -119,6 +119,9 @@ class GreyProposal(Proposal):
         not measured feeds on itself, and a few steps of wrong forecasts can carry all particles
         away from what the model allows; with a share s of prior particles the weight
         `prior / proposal` is at most 1/s, and the filter comes back.
+    densities : bool
+        Whether the samples' densities are computed. Only the simplified weight does without; a
+        filter that needs them would take the samples for the transition prior's.
     velocities : mapping of int to int, optional
         Which component is the derivative of which, e.g. `{2: 0, 3: 1}`: it is then forecast as
         the forecast change of that component over dt, in place of a series of its own.
@@ -133,7 +136,7 @@ class GreyProposal(Proposal):
     def __init__(
             self, window: int = 5, floor: float = 1.0, margin: float | None = 10.0,
             spread: str = 'forecast', prior_share: float = 0.0,
-            velocities: Mapping[int, int] | None = None) -> None:
+            densities: bool = True, velocities: Mapping[int, int] | None = None) -> None:
         self.window = checked_count('window', window, least=SHORTEST_SERIES)
         self.floor = checked_positive('floor', floor)
         self.margin = None if margin is None else checked_positive('margin', margin)
@@ -143,6 +146,7 @@ class GreyProposal(Proposal):
         if not 0 <= prior_share < 1:
             raise ValueError(f'prior_share must be in [0, 1), not {prior_share!r}')
         self.prior_share = float(prior_share)
+        self.densities = densities
         self.velocities = dict(velocities or {})
 
     def propose(
@@ -158,12 +162,16 @@ class GreyProposal(Proposal):
         states = white @ density.factor.T
         states += forecast
         if not self.prior_share:
+            if not self.densities:
+                return Proposed(states)
             log_density = np.einsum('ij,ij->i', white, white)
             log_density *= -0.5
             log_density += density.log_normaliser
             return Proposed(states, log_density)
         chosen = rng.random(len(states)) < self.prior_share
         states[chosen] = model.sample_transition(belief.states[chosen], dt, rng, belief.time)
+        if not self.densities:
+            return Proposed(states)
         prior = model.log_transition(states, belief.states, dt, belief.time)
         grey = density.log_density(states - forecast)
         return Proposed(states, np.logaddexp(

@@ -209,7 +209,8 @@ class GreyParticleFilter(ParticleTracker):
             return GreyProposal(window, floor, velocities=_VELOCITIES)
         # as printed, a few wrong forecasts in a row carry all the particles away
         return GreyProposal(window, floor, spread='predicted', velocities=_VELOCITIES,
-                            prior_share=float(self._parameters['prior_share']))
+                            prior_share=float(self._parameters['prior_share']),
+                            densities=self._parameters['weighting'] == 'full')
 
 
 class KalmanParticleFilter(ParticleTracker):
