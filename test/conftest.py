@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+import signal
 
 import pytest
 from vtrack_ros.ros.domain import reserve_domain
@@ -12,6 +13,10 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 # Before any test module imports rclpy.
 _domain_guard = reserve_domain()
+
+# A background job of a shell begins with Ctrl-C ignored, and so would all its children.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope='session')
