@@ -16,7 +16,7 @@ ROWS, COLUMNS, WIDTH = 20, 24, 1.5
 
 def features(seed=0, channels=4, rows=ROWS, columns=COLUMNS):
     """Return random features."""
-    return np.random.default_rng(seed).normal(size=(rows, columns, channels)).astype(np.float32)
+    return np.random.default_rng(seed).normal(size=(channels, rows, columns)).astype(np.float32)
 
 
 def label(shift=(0, 0), width=WIDTH):
@@ -45,9 +45,8 @@ def test_a_shift_in_the_label_is_a_shift_of_the_example():
     """Learning an example said to be off by a shift is learning it moved back to the middle."""
     empty = CorrelationFilter.create(ROWS, COLUMNS, WIDTH)
     tapered = features() * empty.taper
-    moved = np.roll(tapered, (4, -3), (0, 1))
-    spectra = [scipy.fft.rfft2(np.ascontiguousarray(one.transpose(2, 0, 1)))
-               for one in (tapered, moved)]
+    moved = np.roll(tapered, (4, -3), (1, 2))
+    spectra = [scipy.fft.rfft2(one) for one in (tapered, moved)]
     centred = empty.learned(spectra[0].astype(np.complex64), 1.0)
     shifted = empty.learned(spectra[1].astype(np.complex64), 1.0, (-3.0, 4.0))
     np.testing.assert_allclose(shifted.numerator, centred.numerator,
@@ -59,11 +58,11 @@ def test_the_response_moves_with_the_picture():
     """A pattern inside the window, moved by whole cells, is found moved by as many."""
     empty = CorrelationFilter.create(40, 48, 1.5)
     pattern = features(1, rows=8, columns=8)
-    scene = np.zeros((40, 48, 4), np.float32)
-    scene[16:24, 20:28] = pattern
+    scene = np.zeros((4, 40, 48), np.float32)
+    scene[:, 16:24, 20:28] = pattern
     filter_ = empty.learned(empty.transform(scene), 1.0)
     for x, y in ((0, 0), (4, -3), (-5, 2)):
-        moved = np.roll(scene, (y, x), (0, 1))
+        moved = np.roll(scene, (y, x), (1, 2))
         _, column, row = subcell_peak(filter_.response(filter_.transform(moved)))
         assert (round(column) - 24, round(row) - 20) == (x, y)
 
@@ -131,13 +130,13 @@ def test_the_scale_filter_finds_a_known_factor(size, factor):
     matrix = np.array([[factor, 0, 149.5 * (1 - factor)], [0, factor, 149.5 * (1 - factor)]])
     grown = cv2.warpAffine(picture, matrix, (300, 300), borderMode=cv2.BORDER_REFLECT)
     empty = ScaleFilter.create(*size)
-    filter_ = empty.learned(empty.transform(picture, center, size), 1.0)
-    found, steps = filter_.peak(filter_.response(filter_.transform(grown, center, size)))
+    filter_ = empty.learned(empty.transform(picture, center), 1.0)
+    found, steps = filter_.peak(filter_.response(filter_.transform(grown, center)))
     assert found == pytest.approx(factor, rel=0.02)
     assert found == pytest.approx(1.025**steps)
     # learned as off the middle by what was found, it answers with the middle again
-    again = empty.learned(empty.transform(grown, center, size), 1.0, steps)
-    back, _ = again.peak(again.response(again.transform(picture, center, size)))
+    again = empty.learned(empty.transform(grown, center), 1.0, steps)
+    back, _ = again.peak(again.response(again.transform(picture, center)))
     assert back == pytest.approx(1.0, abs=0.03)
 
 
@@ -146,3 +145,16 @@ def test_scale_factors_are_a_geometric_series_about_one():
     filter_ = ScaleFilter.create(50.0, 30.0)
     assert len(filter_.factors) == 17 and filter_.factors[8] == 1
     np.testing.assert_allclose(filter_.factors[1:] / filter_.factors[:-1], 1.025)
+
+
+@pytest.mark.parametrize('rows, columns', [(8, 8), (20, 24), (18, 30)])
+def test_the_response_is_an_inverse_fourier_transform(rows, columns):
+    """The whole map is what a Fourier transform gives; a part of it is cut from it."""
+    empty = CorrelationFilter.create(rows, columns, WIDTH)
+    first, second = (empty.transform(features(seed, 4, rows, columns)) for seed in (0, 1))
+    filter_ = empty.learned(first, 1.0)
+    ratio = (filter_.numerator.conj() * second).sum(axis=0) / (filter_.denominator + 1e-2)
+    wanted = scipy.fft.irfft2(ratio, s=(rows, columns))
+    np.testing.assert_allclose(filter_.response(second), wanted, atol=1e-5)
+    part = filter_.response(second, slice(2, 7), slice(1, 5))
+    np.testing.assert_allclose(part, wanted[2:7, 1:5], atol=1e-5)

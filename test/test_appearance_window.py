@@ -12,6 +12,8 @@ from vtrack_ros.appearance.colour_names import CHANNELS as COLOURS
 from vtrack_ros.appearance.colour_names import colour_names
 from vtrack_ros.appearance.foreground import box_mean, colour_index, ForegroundModel
 from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
+from vtrack_ros.appearance.rgb555 import all_colours, rgb555
+from vtrack_ros.appearance.rgb555 import COLOURS as COLOURS_IN_15_BITS
 from vtrack_ros.appearance.window import sample_window
 
 
@@ -95,7 +97,7 @@ def step_edge(angle, side=48, low=60.0, high=180.0):
 def test_an_edges_direction_is_its_bin(bin_):
     """18 signed orientations of 20 degrees from x to y; 9 unsigned ones without the sign."""
     features = oriented_gradients(step_edge(2 * math.pi * bin_ / 18), 4)
-    middle = features[5:7, 5:7].sum(axis=(0, 1))
+    middle = features[:, 5:7, 5:7].sum(axis=(1, 2))
     assert middle[:18].argmax() == bin_
     assert middle[18:].argmax() == bin_ % 9
 
@@ -104,7 +106,7 @@ def test_gradients_dont_depend_on_contrast():
     """Half the contrast, nearly the same features; a flat image has none at all."""
     strong = oriented_gradients(step_edge(0.7, low=20, high=240), 4)
     weak = oriented_gradients(step_edge(0.7, low=75, high=185), 4)
-    assert strong.shape == (12, 12, CHANNELS) and CHANNELS == 27
+    assert strong.shape == (CHANNELS, 12, 12) and CHANNELS == 27
     assert strong.min() >= 0 and strong.max() <= 0.4 + 1e-6
     where = strong > 0.1
     assert where.any()
@@ -117,7 +119,7 @@ def test_an_edge_moves_its_cell_only():
     image = np.full((40, 40), 80, np.uint8)
     image[21:23, 17:19] = 250
     features = oriented_gradients(image, 4)
-    strength = features.sum(axis=2)
+    strength = features.sum(axis=0)
     assert strength[5, 4] == strength.max()
     assert not strength[:3].any() and not strength[:, 8:].any()
 
@@ -126,8 +128,8 @@ def test_colour_names_sum_to_nothing():
     """Memberships sum to one, and so do their means: the differences sum to zero."""
     rng = np.random.default_rng(0)
     names = colour_names(rng.integers(256, size=(20, 30, 3), dtype=np.uint8))
-    assert names.shape == (20, 30, COLOURS) and COLOURS == 11
-    np.testing.assert_allclose(names.sum(axis=2), 0, atol=1e-5)
+    assert names.shape == (COLOURS, 20, 30) and COLOURS == 11
+    np.testing.assert_allclose(names.sum(axis=0), 0, atol=1e-5)
 
 
 @pytest.mark.parametrize('index, colour', list(enumerate([
@@ -137,7 +139,7 @@ def test_colour_names_sum_to_nothing():
          'yellow'])
 def test_a_typical_colour_has_its_own_name(index, colour):
     """The eleven terms of Berlin and Kay, in the order that the documentation gives."""
-    names = colour_names(np.array([[colour]], np.uint8))[0, 0]
+    names = colour_names(np.array([[colour]], np.uint8))[:, 0, 0]
     assert names.argmax() == index
 
 
@@ -147,11 +149,12 @@ def test_foreground_probability_is_bayes_with_even_odds():
     pixels[10:20, 10:20] = 100
     pixels[10:20, 10:12] = 200
     pixels[:5] = 200
-    model = ForegroundModel.create(False).learned(pixels, (10, 20, 10, 20), 1.0)
+    colours = colour_index(pixels)
+    model = ForegroundModel.create(False).learned(colours, (10, 20, 10, 20), 1.0)
     # a margin of 2 px about the target counts for neither
     surroundings = 30 * 30 - 14 * 14
     share = 5 * 30 / surroundings
-    probability = model.probability(pixels)
+    probability = model.probability(colours)
     assert probability[15, 15] == pytest.approx(1, abs=1e-4)
     assert probability[15, 11] == pytest.approx(0.2 / (0.2 + share), abs=1e-3)
     assert probability[25, 25] == pytest.approx(0, abs=1e-4)
@@ -163,14 +166,14 @@ def test_foreground_learning_is_a_running_average():
     first, second = np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20, 3), np.uint8)
     first[5:15, 5:15] = (255, 0, 0)
     second[5:15, 5:15] = (0, 0, 255)
-    model = ForegroundModel.create(True).learned(first, (5, 15, 5, 15), 1.0)
-    after = model.learned(second, (5, 15, 5, 15), 0.25)
+    model = ForegroundModel.create(True).learned(colour_index(first), (5, 15, 5, 15), 1.0)
+    after = model.learned(colour_index(second), (5, 15, 5, 15), 0.25)
     blue, red = (colour_index(np.array([[c]], np.uint8))[0, 0]
                  for c in ((255, 0, 0), (0, 0, 255)))
     assert after.target[blue] == pytest.approx(0.75)
     assert after.target[red] == pytest.approx(0.25)
     assert model.target[blue] == 1
-    assert model.probability(np.full((1, 1, 3), 128, np.uint8))[0, 0] == 0
+    assert model.probability(colour_index(np.full((1, 1, 3), 128, np.uint8)))[0, 0] == 0
 
 
 def test_box_mean():
@@ -179,3 +182,10 @@ def test_box_mean():
     mean = box_mean(image, (5, 3))
     assert mean[6, 7] == pytest.approx(image[5:8, 5:10].mean(), rel=1e-5)
     assert mean[0, 0] == pytest.approx(image[:2, :3].sum() / 15, rel=1e-5)
+
+
+def test_15_bits_of_a_colour():
+    """Five bits of red, green and blue; the middle of each colour has that colour's number."""
+    pixels = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255), (8, 16, 24)]], np.uint8)
+    assert rgb555(pixels).tolist() == [[31, 31 << 5, 31 << 10, 1 | 2 << 5 | 3 << 10]]
+    np.testing.assert_array_equal(rgb555(all_colours())[0], np.arange(COLOURS_IN_15_BITS))

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.rgb555 import all_colours, rgb555
 from vtrack_ros.frame import Frame
 
-_LEVELS = 32
 _NAMES_BGR = np.array([
     (0, 0, 0), (230, 80, 20), (20, 60, 110), (128, 128, 128), (40, 150, 40), (0, 140, 255),
     (180, 105, 255), (150, 30, 130), (40, 40, 220), (255, 255, 255), (0, 230, 240)], np.uint8)
@@ -34,26 +34,22 @@ def colour_names(pixels: Frame) -> NDArray[np.float32]:
 
     Returns
     -------
-    ndarray of float32, shape (rows, columns, 11)
+    ndarray of float32, shape (11, rows, columns)
 
     """
-    level = (pixels >> 3).astype(np.int32)
-    index = (level[:, :, 0] * _LEVELS + level[:, :, 1]) * _LEVELS + level[:, :, 2]
-    return _table().take(index, axis=0)
+    return _table().take(rgb555(pixels), axis=1)
 
 
 @lru_cache(maxsize=1)
 def _table() -> NDArray[np.float32]:
-    """Return the memberships of all 32 x 32 x 32 colours, shape (32768, 11)."""
-    values = ((np.arange(_LEVELS) * 256 + 128) // _LEVELS).astype(np.uint8)
-    colours = np.stack(np.meshgrid(values, values, values, indexing='ij'), -1)
-    difference = _lab(colours.reshape(-1, 3))[:, None] - _lab(_NAMES_BGR)[None]
+    """Return the memberships of all 15-bit colours, shape (11, 32768)."""
+    difference = _lab(all_colours()[0])[:, None] - _lab(_NAMES_BGR)[None]
     distance2 = difference**2 @ np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0])
     # the nearest name keeps a membership however far it is
     nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
     membership = nearness / nearness.sum(1, keepdims=True)
-    table: NDArray[np.float32] = (membership - membership.mean(0)).astype(np.float32)
-    return table
+    table = (membership - membership.mean(0)).T
+    return np.ascontiguousarray(table, np.float32)
 
 
 def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.rgb555 import all_colours, rgb555
 from vtrack_ros.frame import Frame
 
 _LEVELS = 16
@@ -18,6 +20,7 @@ _MARGIN = 0.2
 _PRIOR = 1e-6
 
 Rectangle = tuple[int, int, int, int]
+Colours = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -41,46 +44,53 @@ class ForegroundModel:
         empty = np.zeros(_LEVELS**3 if colour else _GREY_LEVELS, np.float32)
         return cls(empty, empty)
 
-    def learned(self, pixels: Frame, inner: Rectangle, rate: float) -> ForegroundModel:
+    def learned(self, colours: Colours, inner: Rectangle, rate: float) -> ForegroundModel:
         """
         Return the model after one more example.
 
         Parameters
         ----------
-        pixels : ndarray of uint8, shape (rows, columns, 3) or (rows, columns)
-            The colours.
+        colours : ndarray of int, shape (rows, columns)
+            Of `colour_index`.
         inner : tuple of int, [px]
-            The target's (top, bottom, left, right) in `pixels`.
+            The target's (top, bottom, left, right) in `colours`.
         rate : float
             The example's weight in the running average.
 
         """
-        index, size = colour_index(pixels), len(self.target)
+        size = len(self.target)
         top, bottom, left, right = inner
         margin_y = int(_MARGIN * (bottom - top))
         margin_x = int(_MARGIN * (right - left))
-        target = np.bincount(index[max(0, top):bottom, max(0, left):right].ravel(), None, size)
-        near = index[max(0, top - margin_y):bottom + margin_y,
-                     max(0, left - margin_x):right + margin_x]
-        surroundings = (np.bincount(index.ravel(), None, size)
-                        - np.bincount(near.ravel(), None, size))
-        step = np.float32(rate)
+        target = colours[max(0, top):bottom, max(0, left):right]
+        near = colours[max(0, top - margin_y):bottom + margin_y,
+                       max(0, left - margin_x):right + margin_x]
+        surroundings = np.bincount(colours.ravel(), None, size)
+        surroundings -= np.bincount(near.ravel(), None, size)
         return ForegroundModel(
-            self.target + step * (_normalised(target) - self.target),
-            self.surroundings + step * (_normalised(surroundings) - self.surroundings))
+            _averaged(self.target, np.bincount(target.ravel(), None, size), target.size, rate),
+            _averaged(self.surroundings, surroundings, colours.size - near.size, rate))
 
-    def probability(self, pixels: Frame) -> NDArray[np.float32]:
-        """Return each pixel's probability of being the target's, shape (rows, columns)."""
-        table = self.target / (self.target + self.surroundings + np.float32(_PRIOR))
-        return table.take(colour_index(pixels))
+    def probability(self, colours: Colours) -> NDArray[np.float32]:
+        """Return each colour's probability of being the target's, of the same shape."""
+        table = self.target + self.surroundings
+        table += np.float32(_PRIOR)
+        np.divide(self.target, table, out=table)
+        return table.take(colours)
 
 
-def colour_index(pixels: Frame) -> NDArray[np.int32]:
-    """Return each pixel's histogram bin."""
+def colour_index(pixels: Frame) -> Colours:
+    """Return each pixel's histogram bin, shape (rows, columns)."""
     if pixels.ndim == 2:
-        return (pixels >> 3).astype(np.int32)
-    level = (pixels >> 4).astype(np.int32)
-    return (level[:, :, 0] * _LEVELS + level[:, :, 1]) * _LEVELS + level[:, :, 2]
+        return (pixels >> 3).astype(np.intp)
+    return _bins().take(rgb555(pixels))
+
+
+@lru_cache(maxsize=1)
+def _bins() -> Colours:
+    """Return the histogram bin of each 15-bit colour, shape (32768,)."""
+    levels = all_colours()[0].astype(np.intp) * _LEVELS // 256
+    return levels @ np.array([1, _LEVELS, _LEVELS**2])
 
 
 def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
@@ -89,7 +99,11 @@ def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray
     return mean
 
 
-def _normalised(histogram: NDArray[np.int64]) -> NDArray[np.float32]:
-    normalised: NDArray[np.float32] = histogram.astype(np.float32)
-    normalised /= np.float32(max(1, int(histogram.sum())))
-    return normalised
+def _averaged(
+        mean: NDArray[np.float32], counts: NDArray[np.intp], total: int, rate: float,
+        ) -> NDArray[np.float32]:
+    """Return the running average after one more histogram of so many pixels."""
+    averaged: NDArray[np.float32] = counts.astype(np.float32)
+    averaged *= np.float32(rate / max(1, total))
+    averaged += np.float32(1 - rate) * mean
+    return averaged

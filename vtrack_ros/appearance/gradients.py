@@ -20,7 +20,9 @@ _TRUNCATION = 0.2
 _NOISE = 8.0
 
 
-def oriented_gradients(grey: Frame, cell: int = 4) -> NDArray[np.float32]:
+def oriented_gradients(
+        grey: Frame, cell: int = 4, out: NDArray[np.float32] | None = None,
+        ) -> NDArray[np.float32]:
     """
     Return contrast-normalised histograms of gradient orientation.
 
@@ -33,42 +35,44 @@ def oriented_gradients(grey: Frame, cell: int = 4) -> NDArray[np.float32]:
         The image.
     cell : int, [px]
         Side of a cell.
+    out : ndarray of float32, shape (27, rows, columns), optional
+        Where the result is put.
 
     Returns
     -------
-    ndarray of float32, shape (rows, columns, 27)
+    ndarray of float32, shape (27, rows, columns)
         In [0, 0.4].
 
     """
     rows, columns = grey.shape[0] // cell, grey.shape[1] // cell
     along_x = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1)
     along_y = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
-    angle = cv2.phase(along_x, along_y)
+    # rounded to the nearest bin; angles that round up to a full turn are in a bin of their own
+    bins = cv2.convertScaleAbs(cv2.phase(along_x, along_y), alpha=_SIGNED / (2 * np.pi))
+    index = np.multiply(bins, rows * columns, dtype=np.intp)
+    index += _cells(rows, columns, cell)
     # OpenCV 4.6 rounds its own magnitude by where the arrays lie in memory: no two runs agree
-    magnitude = np.sqrt(along_x**2 + along_y**2)
-    angle *= np.float32(_SIGNED / (2 * np.pi))
-    angle += np.float32(0.5)
-    index = angle.astype(np.int32)
-    index += _first_bins(rows, columns, cell)
+    along_x *= along_x
+    along_y *= along_y
+    along_x += along_y
+    magnitude = np.sqrt(along_x, out=along_x)
     counted = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * (_SIGNED + 1))
-    histogram = counted.reshape(rows, columns, _SIGNED + 1)
-    result = np.empty((rows, columns, CHANNELS), np.float32)
-    result[:, :, :_SIGNED] = histogram[:, :, :_SIGNED]
-    # angles that round up to a full turn are in a bin of their own
-    result[:, :, 0] += histogram[:, :, _SIGNED]
-    unsigned = result[:, :, _SIGNED:]
-    np.add(result[:, :, :_UNSIGNED], result[:, :, _UNSIGNED:_SIGNED], out=unsigned)
-    energy = np.einsum('ijk,ijk->ij', unsigned, unsigned)
+    histogram = counted.reshape(_SIGNED + 1, rows, columns)
+    result = np.empty((CHANNELS, rows, columns), np.float32) if out is None else out
+    result[:_SIGNED] = histogram[:_SIGNED]
+    result[0] += histogram[_SIGNED]
+    unsigned = result[_SIGNED:]
+    np.add(result[:_UNSIGNED], result[_UNSIGNED:_SIGNED], out=unsigned)
+    energy = np.einsum('kij,kij->ij', unsigned, unsigned)
     block = cv2.blur(energy, (3, 3), borderType=cv2.BORDER_REPLICATE)
-    result *= (1 / np.sqrt(4 * block + np.float32((cell * _NOISE)**2)))[:, :, None]
-    np.minimum(result, np.float32(_TRUNCATION), out=result)
-    result *= np.float32(2)
+    block += np.float32((cell * _NOISE / 2)**2)
+    result /= np.sqrt(block, out=block)
+    np.minimum(result, np.float32(2 * _TRUNCATION), out=result)
     return result
 
 
 @lru_cache(maxsize=32)
-def _first_bins(rows: int, columns: int, cell: int) -> NDArray[np.int32]:
-    """Return each pixel's first bin, shape (rows * cell, columns * cell)."""
+def _cells(rows: int, columns: int, cell: int) -> NDArray[np.intp]:
+    """Return each pixel's cell, shape (rows * cell, columns * cell)."""
     of_row = (np.arange(rows * cell) // cell)[:, None] * columns
-    of_column = (np.arange(columns * cell) // cell)[None, :]
-    return ((of_row + of_column) * (_SIGNED + 1)).astype(np.int32)
+    return of_row + (np.arange(columns * cell) // cell)[None, :]

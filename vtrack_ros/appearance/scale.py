@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import scipy.fft
 
 from vtrack_ros.appearance.correlation import parabola_offset
-from vtrack_ros.appearance.gradients import oriented_gradients
+from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
 from vtrack_ros.frame import Frame
 
 _CELL = 4
@@ -27,13 +27,14 @@ class ScaleFilter:
     ----------
     factors : ndarray, shape (scales,)
         The scale factors that are compared, a geometric series about 1.
-    grid : ndarray, shape (2, scales * rows, columns)
-        Sample points (x, y) of all scales, one below the other, in units of the target's size
-        from its centre.
+    grid : ndarray, shape (2, scales * rows, columns), [px]
+        Sample points (x, y) of all scales, one below the other, from the target's centre.
     numerator : ndarray of complex64, shape (scales // 2 + 1, features)
     denominator : ndarray of float32, shape (scales // 2 + 1,)
     label : ndarray of complex64, shape (scales // 2 + 1,)
-    taper : ndarray of float32, shape (scales, 1)
+    analysis : ndarray of float32, shape (2 * (scales // 2 + 1), scales)
+        Tapered Fourier transform over the scales as a matrix: the real parts, then the imaginary
+        ones.
 
     """
 
@@ -42,43 +43,48 @@ class ScaleFilter:
     numerator: NDArray[np.complex64]
     denominator: NDArray[np.float32]
     label: NDArray[np.complex64]
-    taper: NDArray[np.float32]
+    analysis: NDArray[np.float32]
 
     @classmethod
     def create(cls, width: float, height: float, scales: int = 17, step: float = 1.025,
                ) -> ScaleFilter:
-        """Make an empty filter for a target of that size, in pixels."""
+        """Make an empty filter for a target of that size in the images to come, in pixels."""
         shrink = np.sqrt(min(1.0, _AREA / (width * height)))
         columns, rows = (max(2, round(side * shrink / _CELL)) * _CELL for side in (width, height))
         steps = np.arange(scales) - scales // 2
         factors = step**steps.astype(np.float64)
-        x = ((np.arange(columns) + 0.5) / columns - 0.5)[None, None, :] * factors[:, None, None]
-        y = ((np.arange(rows) + 0.5) / rows - 0.5)[None, :, None] * factors[:, None, None]
+        x = width * ((np.arange(columns) + 0.5) / columns - 0.5)
+        y = height * ((np.arange(rows) + 0.5) / rows - 0.5)
         shape = (scales, rows, columns)
-        grid = np.stack([np.broadcast_to(axis, shape).reshape(-1, columns) for axis in (x, y)])
+        grid = np.stack([
+            np.broadcast_to(axis * factors[:, None, None], shape).reshape(-1, columns) - 0.5
+            for axis in (x[None, None, :], y[None, :, None])])
         label = np.exp(-0.5 * (steps / (scales / 16))**2).astype(np.float32)
+        transform = scipy.fft.rfft(np.diag(np.hanning(scales + 2)[1:-1]), axis=0)
         return cls(factors, grid.astype(np.float32), np.zeros((scales // 2 + 1, 1), np.complex64),
                    np.zeros(scales // 2 + 1, np.float32), scipy.fft.rfft(label),
-                   np.hanning(scales + 2)[1:-1, None].astype(np.float32))
+                   np.concatenate([transform.real, transform.imag]).astype(np.float32))
 
-    def transform(self, grey: Frame, center: tuple[float, float],
-                  size: tuple[float, float]) -> NDArray[np.complex64]:
+    def transform(self, grey: Frame, center: tuple[float, float]) -> NDArray[np.complex64]:
         """
         Return the spectrum, over the scales, of the target's gradients.
 
         Parameters
         ----------
         grey : ndarray of uint8, shape (H, W)
-            An image that shows the target; its resolution may be any.
-        center, size : tuple of float, [px]
-            The target's centre and size in that image.
+            An image that shows the target.
+        center : tuple of float, [px]
+            The target's centre in that image.
 
         """
-        x = self.grid[0] * np.float32(size[0]) + np.float32(center[0] - 0.5)
-        y = self.grid[1] * np.float32(size[1]) + np.float32(center[1] - 0.5)
-        stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        features = oriented_gradients(stack, _CELL).reshape(len(self.factors), -1)
-        spectrum: NDArray[np.complex64] = scipy.fft.rfft(features * self.taper, axis=0)
+        stack = cv2.remap(
+            grey, self.grid[0] + np.float32(center[0]), self.grid[1] + np.float32(center[1]),
+            cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        scales = len(self.factors)
+        features = oriented_gradients(stack, _CELL).reshape(CHANNELS, scales, -1)
+        parts = self.analysis @ features.transpose(1, 0, 2).reshape(scales, -1)
+        spectrum = np.empty((scales // 2 + 1, parts.shape[1]), np.complex64)
+        spectrum.real, spectrum.imag = parts[:len(spectrum)], parts[len(spectrum):]
         return spectrum
 
     def learned(self, spectrum: NDArray[np.complex64], rate: float,
@@ -89,18 +95,21 @@ class ScaleFilter:
             label = label * np.exp(
                 -2j * np.pi * shift * np.arange(len(label)) / len(self.factors)
             ).astype(np.complex64)
-        numerator = np.conj(label)[:, None] * spectrum
-        denominator = np.einsum('sf,sf->s', spectrum.real, spectrum.real)
-        denominator += np.einsum('sf,sf->s', spectrum.imag, spectrum.imag)
+        numerator = (np.float32(rate) * np.conj(label))[:, None] * spectrum
+        parts = spectrum.view(np.float32)
+        denominator = np.float32(rate) * np.einsum('sf,sf->s', parts, parts)
         if rate < 1:
             keep = np.float32(1 - rate)
-            numerator = keep * self.numerator + np.float32(rate) * numerator
-            denominator = keep * self.denominator + np.float32(rate) * denominator
-        return replace(self, numerator=numerator, denominator=denominator)
+            numerator += keep * self.numerator
+            denominator += keep * self.denominator
+        return ScaleFilter(
+            self.factors, self.grid, numerator, denominator, self.label, self.analysis)
 
     def response(self, spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Return the response to each factor, shape (scales,)."""
-        correlated = np.einsum('sf,sf->s', self.numerator.conj(), spectrum)
+        products = self.numerator.conj()
+        products *= spectrum
+        correlated = products.sum(axis=1)
         response: NDArray[np.float32] = scipy.fft.irfft(
             correlated / (self.denominator + np.float32(_REGULARISATION)), len(self.factors))
         return response

@@ -11,7 +11,8 @@ import scipy.fft
 
 from vtrack_ros.appearance import colour_names, gradients
 from vtrack_ros.appearance.correlation import CorrelationFilter, Spectrum
-from vtrack_ros.appearance.foreground import box_mean, ForegroundModel, Rectangle
+from vtrack_ros.appearance.foreground import (
+    box_mean, colour_index, Colours, ForegroundModel, Rectangle)
 from vtrack_ros.appearance.scale import ScaleFilter
 from vtrack_ros.appearance.window import sample_window
 from vtrack_ros.frame import Frame
@@ -19,7 +20,7 @@ from vtrack_ros.frame import Frame
 #: Side of a cell, in samples.
 _CELL = 3
 #: Cells of the window, all together.
-_CELLS = 24 * 24
+_CELLS = 20 * 20
 #: Width of the surroundings in the window, as a share of the target's mean side.
 _CONTEXT = 1.5
 #: Standard deviation of the wanted response, as a share of the target's size.
@@ -86,8 +87,9 @@ class View:
         The colours.
     grey : ndarray of uint8, shape (3 * rows, 3 * columns)
         The image.
-    small : ndarray of uint8, shape (2 * rows, 2 * columns[, 3])
-    features : ndarray of float32, shape (rows, columns, channels)
+    colours : ndarray of int, shape (2 * rows, 2 * columns)
+        Which bin of the foreground model each pixel of half the size is in.
+    features : ndarray of float32, shape (channels, rows, columns)
 
     """
 
@@ -95,7 +97,7 @@ class View:
     size: Point
     pixels: Frame
     grey: Frame
-    small: Frame
+    colours: Colours
     features: NDArray[np.float32]
 
 
@@ -126,9 +128,10 @@ class TargetModel:
         layout = Layout.around(*size)
         width = _LABEL_WIDTH * float(np.sqrt(layout.target[0] * layout.target[1]))
         empty = cls(layout, CorrelationFilter.create(layout.rows, layout.columns, width),
-                    ForegroundModel.create(frame.ndim == 3), ScaleFilter.create(*size))
+                    ForegroundModel.create(frame.ndim == 3),
+                    ScaleFilter.create(*(_CELL * side for side in layout.target)))
         view = empty.view(frame, center, size)
-        scales = empty.scale.transform(view.grey, *empty._in_pixels(view, (0.0, 0.0)))
+        scales = empty.scale.transform(view.grey, empty._in_samples((0.0, 0.0)))
         return empty.learned(view, empty.transform(view)).learned_scale(scales, 0.0)
 
     def view(self, frame: Frame, center: Point, size: Point) -> View:
@@ -146,13 +149,14 @@ class TargetModel:
                            interpolation=cv2.INTER_AREA)
         tiny = cv2.resize(small, (layout.columns, layout.rows), interpolation=cv2.INTER_AREA)
         channels = gradients.CHANNELS + 1 + colour * colour_names.CHANNELS
-        features = np.empty((layout.rows, layout.columns, channels), np.float32)
-        features[:, :, :gradients.CHANNELS] = gradients.oriented_gradients(grey, _CELL)
+        features = np.empty((channels, layout.rows, layout.columns), np.float32)
+        gradients.oriented_gradients(grey, _CELL, features[:gradients.CHANNELS])
         lightness = cv2.cvtColor(tiny, cv2.COLOR_BGR2GRAY) if colour else tiny
-        features[:, :, gradients.CHANNELS] = lightness * np.float32(1 / 255) - np.float32(0.5)
+        np.multiply(lightness, 1 / 255, out=features[gradients.CHANNELS])
+        features[gradients.CHANNELS] -= 0.5
         if colour:
-            features[:, :, gradients.CHANNELS + 1:] = colour_names.colour_names(tiny)
-        return View(center, size, pixels, grey, small, features)
+            features[gradients.CHANNELS + 1:] = colour_names.colour_names(tiny)
+        return View(center, size, pixels, grey, colour_index(small), features)
 
     def transform(self, view: View) -> Spectrum:
         """Return the spectrum of a view's features."""
@@ -170,7 +174,7 @@ class TargetModel:
 
         """
         width, height = self.layout.target
-        probability = self.foreground.probability(view.small)
+        probability = self.foreground.probability(view.colours)
         colour = box_mean(probability, (max(1, round(2 * width)), max(1, round(2 * height))))
         response = self.correlation.response(spectrum)
         response *= np.float32(1 - _COLOUR_WEIGHT)
@@ -189,7 +193,7 @@ class TargetModel:
             The target's place from the view's centre.
 
         """
-        spectrum = self.scale.transform(view.grey, *self._in_pixels(view, shift))
+        spectrum = self.scale.transform(view.grey, self._in_samples(shift))
         factor, steps = self.scale.peak(self.scale.response(spectrum))
         return factor, steps, spectrum
 
@@ -209,9 +213,10 @@ class TargetModel:
         """
         first = not self.correlation.denominator.any()
         rate, colour_rate = (1.0, 1.0) if first else (_RATE, _COLOUR_RATE)
-        return replace(
-            self, correlation=self.correlation.learned(spectrum, rate, shift),
-            foreground=self.foreground.learned(view.small, self._rectangle(shift), colour_rate))
+        return TargetModel(
+            self.layout, self.correlation.learned(spectrum, rate, shift),
+            self.foreground.learned(view.colours, self._rectangle(shift), colour_rate),
+            self.scale)
 
     def learned_scale(self, spectrum: NDArray[np.complex64], steps: float) -> TargetModel:
         """Return the model after learning the scale, from what `growth` returned."""
@@ -241,18 +246,17 @@ class TargetModel:
         """
         row = min(max(round(shift[1]) + self.layout.rows // 2, 0), self.layout.rows - 1)
         column = min(max(round(shift[0]) + self.layout.columns // 2, 0), self.layout.columns - 1)
-        response = self.correlation.response(spectrum)
-        return float(response[max(0, row - 2):row + 3, max(0, column - 2):column + 3].max())
+        near = self.correlation.response(
+            spectrum, slice(max(0, row - 2), row + 3), slice(max(0, column - 2), column + 3))
+        return float(near.max())
 
-    def _in_pixels(self, view: View, shift: Point) -> tuple[Point, Point]:
-        """Return the target's centre and size in the view's own pixels."""
-        rows, columns = view.grey.shape
-        center = (columns / 2 + _CELL * shift[0], rows / 2 + _CELL * shift[1])
-        width, height = self.layout.target
-        return center, (_CELL * width, _CELL * height)
+    def _in_samples(self, shift: Point) -> Point:
+        """Return a place in a view's own pixels, from its place from the view's centre."""
+        return (_CELL * (self.layout.columns / 2 + shift[0]),
+                _CELL * (self.layout.rows / 2 + shift[1]))
 
     def _rectangle(self, shift: Point) -> Rectangle:
-        """Return the target's (top, bottom, left, right) in a view's small pixels."""
+        """Return the target's (top, bottom, left, right) in a view's `colours`."""
         width, height = self.layout.target
         x, y = self.layout.columns + 2 * shift[0], self.layout.rows + 2 * shift[1]
         return round(y - height), round(y + height), round(x - width), round(x + width)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 
 import numpy as np
@@ -21,17 +22,11 @@ class GaussianNoise:
     covariance : ndarray, shape (n, n)
     factor : ndarray, shape (n, n)
         L with `L L^T = covariance`.
-    whitener : ndarray, shape (n, n)
-        The inverse of the factor.
-    log_normaliser : float
-        The log-density at zero.
 
     """
 
     covariance: FloatArray
     factor: FloatArray
-    whitener: FloatArray
-    log_normaliser: float
 
     @classmethod
     def from_covariance(cls, covariance: FloatArray) -> GaussianNoise:
@@ -45,12 +40,20 @@ class GaussianNoise:
 
         """
         try:
-            factor = np.linalg.cholesky(covariance)
+            return cls(covariance, np.linalg.cholesky(covariance))
         except np.linalg.LinAlgError:
             raise ValueError('covariance must be positive definite') from None
-        log_normaliser = (-len(covariance) / 2 * math.log(2 * math.pi)
-                          - float(np.log(factor.diagonal()).sum()))
-        return cls(covariance, factor, np.linalg.inv(factor), log_normaliser)
+
+    @cached_property
+    def whitener(self) -> FloatArray:
+        """Return the inverse of the factor, shape (n, n)."""
+        return np.linalg.inv(self.factor)
+
+    @cached_property
+    def log_normaliser(self) -> float:
+        """Return the log-density at zero."""
+        return (-len(self.factor) / 2 * math.log(2 * math.pi)
+                - float(np.log(self.factor.diagonal()).sum()))
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Draw `count` errors, shape (count, n)."""

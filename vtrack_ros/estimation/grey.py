@@ -12,11 +12,14 @@ as time goes by.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from vtrack_ros.estimation.validation import FloatArray
 
 SHORTEST_SERIES = 4
+_TINY = float(np.finfo(np.float64).tiny)
 
 
 def gm11_forecast(series: FloatArray, steps: float = 1.0) -> FloatArray:
@@ -54,10 +57,10 @@ def gm11_forecast(series: FloatArray, steps: float = 1.0) -> FloatArray:
     """
     series = _checked(series)
     lowest = series.min(axis=0)
-    if lowest.min() > 0:
-        return _forecast(series, steps)
     shift = np.where(lowest > 0, 0.0, _span(series, lowest) - lowest)
-    return _forecast(series + shift, steps) - shift
+    shifted = series + shift
+    mean = shifted.mean(axis=0)
+    return _forecast(shifted / mean, steps) * mean - shift
 
 
 def equivariant_forecast(
@@ -121,24 +124,32 @@ def _span(series: FloatArray, lowest: FloatArray) -> FloatArray:
 
 
 def _forecast(series: FloatArray, steps: float) -> FloatArray:
-    """Forecast a positive series, shape (m, n)."""
-    length = len(series)
-    mean = series.mean(axis=0)
-    scaled = series / mean
-    later = scaled[1:]
-    background = np.cumsum(scaled, axis=0)[1:]
-    background -= later / 2
-    centre = background.mean(axis=0)
-    level = later.mean(axis=0)
-    background -= centre
-    variance = np.einsum('ij,ij->j', background, background)
-    # All of the series may lie in its first value, to machine precision: then it has no slope.
-    variance[variance == 0] = np.inf
-    a = -np.einsum('ij,ij->j', background, later) / variance
-    np.clip(a, -2.0, 2.0, out=a)
+    """Forecast a positive series of moderate values, shape (m, n)."""
+    sums = _background(len(series)) @ series
+    background, centre, level = sums[:-2], sums[-2], sums[-1]
+    # all of the series may lie in its first value, to machine precision: it has no slope then
+    variance = np.maximum(np.einsum('ij,ij->j', background, background), _TINY)
+    decay = np.einsum('ij,ij->j', background, series[1:])
+    decay /= variance
+    decay -= _TINY  # where it's zero, expm1(a) / a is one
+    a = -decay
     b = level + a * centre
-    # expm1(a) / a tends to one.
-    ratio = np.ones_like(a)
-    np.divide(np.expm1(a), a, out=ratio, where=a != 0)
-    forecast: FloatArray = (b - a * scaled[0]) * np.exp(-a * (length - 1 + steps)) * ratio
-    return forecast * mean
+    forecast: FloatArray = (b - a * series[0]) * np.exp((len(series) - 1 + steps) * decay)
+    forecast *= np.expm1(a)
+    forecast /= a
+    return forecast
+
+
+@lru_cache(maxsize=32)
+def _background(length: int) -> FloatArray:
+    """
+    Return the matrix that makes z(2..m), less their mean, from a series of that length.
+
+    Its last two rows make the means of z(2..m) and of x0(2..m) [Zhu2012, eqs 9-11].
+    """
+    accumulated = np.tri(length)
+    background = (accumulated[1:] + accumulated[:-1]) / 2
+    centre = background.mean(axis=0)
+    level = np.full(length, 1 / (length - 1))
+    level[0] = 0
+    return np.vstack([background - centre, centre, level])

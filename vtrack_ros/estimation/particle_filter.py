@@ -209,6 +209,30 @@ class ParticleFilter:
         self._belief = Belief(states, weights, time, self._spread(belief.covariance), *memory)
         return self._belief
 
+    def correct_estimate(self, estimate: ArrayLike) -> None:
+        """
+        Replace the latest of the past estimates that proposals look at; the particles stay.
+
+        For a caller whose estimate is better than the particles' mean.
+
+        Parameters
+        ----------
+        estimate : array_like, shape (n,)
+            Ignored where the proposal looks at none.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a value isn't finite.
+
+        """
+        latest = checked_array('estimate', estimate, (self.model.state_dimension,))
+        belief = self.belief
+        if belief.estimates:
+            self._belief = Belief(
+                belief.states, belief.weights, belief.time, belief.covariances,
+                (*belief.estimates[:-1], latest), belief.estimate_times)
+
     def step(
             self, measurement: ArrayLike | None = None, dt: float = 1.0,
             log_likelihood: LogLikelihood | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 import numpy as np
@@ -155,27 +155,26 @@ class GreyProposal(Proposal):
             error: GaussianNoise | None = None) -> Proposed:
         """Draw successors from N(g_k, P_k), and the prior's share from the transition."""
         forecast = self.forecast(belief, dt)
-        density = None if forecast is None else self._density(model, belief, forecast, dt)
+        predicted = model.transition(belief.states, dt, belief.time)
+        density = None if forecast is None else self._density(
+            model, belief, forecast, predicted, dt)
         if forecast is None or density is None:
-            return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
-        white = rng.standard_normal(belief.states.shape)
+            predicted += model.sample_noise(len(belief), dt, rng)
+            return Proposed(predicted)
+        white = rng.standard_normal(predicted.shape)
         states = white @ density.factor.T
         states += forecast
-        if not self.prior_share:
-            if not self.densities:
-                return Proposed(states)
-            log_density = np.einsum('ij,ij->i', white, white)
-            log_density *= -0.5
-            log_density += density.log_normaliser
-            return Proposed(states, log_density)
-        chosen = rng.random(len(states)) < self.prior_share
-        states[chosen] = model.sample_transition(belief.states[chosen], dt, rng, belief.time)
+        if self.prior_share:
+            chosen = np.flatnonzero(rng.random(len(states)) < self.prior_share)
+            states[chosen] = predicted[chosen] + model.sample_noise(len(chosen), dt, rng)
         if not self.densities:
             return Proposed(states)
-        prior = model.log_transition(states, belief.states, dt, belief.time)
-        grey = density.log_density(states - forecast)
-        return Proposed(states, np.logaddexp(
-            prior + math.log(self.prior_share), grey + math.log1p(-self.prior_share)))
+        log_density = density.log_density(states - forecast)
+        if self.prior_share:
+            prior = model.log_noise_density(states - predicted, dt)
+            log_density = np.logaddexp(prior + math.log(self.prior_share),
+                                       log_density + math.log1p(-self.prior_share))
+        return Proposed(states, log_density)
 
     def forecast(self, belief: Belief, dt: float) -> FloatArray | None:
         """
@@ -200,12 +199,13 @@ class GreyProposal(Proposal):
 
     def _density(
             self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,
-            dt: float) -> GaussianNoise | None:
+            predicted: FloatArray, dt: float) -> GaussianNoise | None:
         """Return N(0, P_k), or None where the numbers have left the range of floats."""
+        states, weights = belief.states, belief.weights.values
         if self.spread == 'predicted':
-            belief = replace(belief, states=model.transition(belief.states, dt, belief.time))
-        centre = forecast if self.spread == 'forecast' else belief.mean
-        covariance = belief.spread_about(centre)
+            states = predicted
+        deviation = states - (forecast if self.spread == 'forecast' else weights @ states)
+        covariance = (deviation.T * weights) @ deviation
         covariance += self.floor * model.process_error(dt).covariance
         try:
             return GaussianNoise.from_covariance(covariance)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -106,19 +105,19 @@ class ParticleTracker(Tracker):
         center, error = None, None
         if measured is not None and self._steered:
             center, error = measured.center, GaussianNoise.from_covariance(measured.covariance)
-        step = self._filter.step(
-            center, dt, lambda states: self._observation.log_likelihood(self._boxes(states)),
-            error)
-        boxes = self._boxes(step.belief.states)
-        mean = step.belief.weights.values @ boxes
+        proposed = self._filter.propose(center, dt, error)
+        boxes = self._boxes(proposed.states)
+        step = self._filter.weight(proposed, self._observation.log_likelihood(boxes), dt)
+        weights = step.belief.weights.values
+        mean = weights @ boxes
         conclusion = self._observation.conclude(frame, mean, dt)
         self._box = conclusion.box
         if conclusion.jumped:
             self._restart()
         else:
             self._correct(conclusion.box)
-        spread = (boxes - mean) * step.belief.weights.values[:, None]
-        return self._estimate(conclusion, spread.T @ (boxes - mean), boxes)
+        deviation = boxes - mean
+        return self._estimate(conclusion, (deviation.T * weights) @ deviation, boxes)
 
     def _adapt(self) -> None:
         """Make the model of motion anew when the target's size, or a parameter, has changed."""
@@ -155,11 +154,9 @@ class ParticleTracker(Tracker):
 
     def _correct(self, box: Array) -> None:
         """Let the forecast build on the concluded place, not on the particles' mean."""
-        belief = self._filter.belief
-        if belief.estimates and not self._observation.sized:
-            latest = belief.estimates[-1].copy()
-            latest[:2] = box[:2]
-            self._filter.belief = replace(belief, estimates=(*belief.estimates[:-1], latest))
+        estimates = self._filter.belief.estimates
+        if estimates and not self._observation.sized:
+            self._filter.correct_estimate(np.concatenate([box[:2], estimates[-1][2:]]))
 
     def _boxes(self, states: Array) -> Array:
         """Return the states' boxes, shape (N, 4)."""
@@ -171,8 +168,8 @@ class ParticleTracker(Tracker):
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box
         observation = self._observation
-        error = np.array([observation.center_error] * 2 + [observation.size_error] * 2)
-        floor = np.diag(error**2 * width * height)
+        center_error, size_error = observation.center_error**2, observation.size_error**2
+        floor = width * height * np.diag([center_error, center_error, size_error, size_error])
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
             covariance=covariance + floor, confidence=conclusion.confidence,
