@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from drawn_video import box_at, DrawnVideo, texture
+from drawn_video import box_at, DrawnVideo, TARGET, texture
 import numpy as np
 import pytest
 
 from vtrack_ros.trackers import create_tracker, TrackState
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
 START = (70.0, 110.0)
@@ -99,3 +100,14 @@ def test_starting_again_forgets_the_old_target(name):
             estimate = tracker.update(frame)
         assert estimate.box.iou(box_at((142.0, 100.0))) > 0.6
         assert estimate.state is TrackState.TRACKING
+
+
+@pytest.mark.parametrize('there', [(60.0, 60.0), (250.0, 180.0), (170.0, 60.0)])
+def test_its_colours_tell_where_to_search(there):
+    """Wherever in the frame the target's colours are, there the search goes."""
+    video = DrawnVideo(seed=4)
+    target = DiscriminativeTarget(np.random.default_rng(0))
+    target.start(video.frame((160.0, 110.0)), (160.0, 110.0), TARGET)
+    for _ in range(5):
+        x, y = target._coloured_place(video.frame(there), target.live)
+        assert abs(x - there[0]) < TARGET[0] / 2 and abs(y - there[1]) < TARGET[1] / 2

@@ -37,19 +37,19 @@ def colour_names(pixels: Frame) -> NDArray[np.float32]:
     ndarray of float32, shape (11, rows, columns)
 
     """
-    return _table().take(rgb555(pixels), axis=1)
+    return _table().take(rgb555(pixels), axis=0).transpose(2, 0, 1)
 
 
 @lru_cache(maxsize=1)
 def _table() -> NDArray[np.float32]:
-    """Return the memberships of all 15-bit colours, shape (11, 32768)."""
+    """Return the memberships of all 15-bit colours, shape (32768, 11)."""
     difference = _lab(all_colours()[0])[:, None] - _lab(_NAMES_BGR)[None]
     distance2 = difference**2 @ np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0])
     # the nearest name keeps a membership however far it is
     nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
     membership = nearness / nearness.sum(1, keepdims=True)
-    table = (membership - membership.mean(0)).T
-    return np.ascontiguousarray(table, np.float32)
+    table: NDArray[np.float32] = (membership - membership.mean(0)).astype(np.float32)
+    return table
 
 
 def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:

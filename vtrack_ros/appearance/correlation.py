@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-import scipy.fft
 
 Spectrum = NDArray[np.complex64]
 
@@ -50,14 +49,18 @@ class CorrelationFilter:
         x = np.arange(columns)[None, :] - columns // 2
         label = np.exp(-(x**2 + y**2) / (2 * width**2)).astype(np.float32)
         taper = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
-        spectrum = scipy.fft.rfft2(label)
+        spectrum = np.fft.rfft2(label).astype(np.complex64)
         return cls(np.zeros((1, *spectrum.shape), np.complex64),
                    np.zeros(spectrum.shape, np.float32), spectrum,
                    taper.astype(np.float32), regularisation)
 
     def transform(self, features: NDArray[np.float32]) -> Spectrum:
         """Return the spectrum of tapered features of shape (channels, rows, columns)."""
-        spectrum: Spectrum = scipy.fft.rfft2(features * self.taper, overwrite_x=True)
+        over_columns, over_rows = _transform(*self.taper.shape)
+        tapered = features * self.taper
+        channels, rows, columns = tapered.shape
+        half = (tapered.reshape(-1, columns) @ over_columns).view(np.complex64)
+        spectrum: Spectrum = over_rows @ half.reshape(channels, rows, -1)
         return spectrum
 
     def learned(self, spectrum: Spectrum, rate: float,
@@ -117,17 +120,35 @@ class CorrelationFilter:
 @lru_cache(maxsize=32)
 def _frequencies(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
     """Return 2 pi i times the frequencies, shapes (rows, 1) and (columns // 2 + 1,)."""
-    over_rows = 2j * np.pi * scipy.fft.fftfreq(rows)[:, None]
-    over_columns = 2j * np.pi * scipy.fft.rfftfreq(columns)
+    over_rows = 2j * np.pi * np.fft.fftfreq(rows)[:, None]
+    over_columns = 2j * np.pi * np.fft.rfftfreq(columns)
     return over_rows.astype(np.complex64), over_columns.astype(np.complex64)
+
+
+# Windows are so small that Fourier transforms are quicker as matrix products.
+
+
+@lru_cache(maxsize=32)
+def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
+    """
+    Return the Fourier transform of real maps as two matrices.
+
+    Returns
+    -------
+    ndarray of float32, shape (columns, 2 * (columns // 2 + 1))
+        To be multiplied with a map from the right; real and imaginary parts are interleaved.
+    ndarray of complex64, shape (rows, rows)
+        To be multiplied with the result from the left.
+
+    """
+    over_columns = np.fft.rfft(np.eye(columns)).astype(np.complex64).view(np.float32)
+    return over_columns, np.fft.fft(np.eye(rows)).astype(np.complex64)
 
 
 @lru_cache(maxsize=32)
 def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.float32]]:
     """
-    Return the inverse Fourier transform of real maps as two matrices.
-
-    A map this small is quicker transformed by matrix products than by a library call.
+    Return the inverse as two matrices.
 
     Returns
     -------
@@ -138,17 +159,10 @@ def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.fl
         the right.
 
     """
-    row, column = np.arange(rows), np.arange(columns)
-    over_rows = np.exp(2j * np.pi / rows * np.outer(row, row)) / rows
-    frequency = np.arange(columns // 2 + 1)
-    # all but the lowest and the highest (of an even length) stand for a negative one as well
-    weight = np.where((frequency == 0) | (2 * frequency == columns), 1, 2) / columns
-    angle = 2 * np.pi / columns * np.outer(frequency, column)
-    over_columns = np.empty((len(frequency), 2, columns))
-    over_columns[:, 0] = weight[:, None] * np.cos(angle)
-    over_columns[:, 1] = -weight[:, None] * np.sin(angle)
-    return (over_rows.astype(np.complex64),
-            over_columns.reshape(-1, columns).astype(np.float32))
+    half = np.eye(columns // 2 + 1)
+    parts = np.stack([np.fft.irfft(half, columns), np.fft.irfft(1j * half, columns)], axis=1)
+    return (np.fft.ifft(np.eye(rows)).astype(np.complex64),
+            parts.reshape(-1, columns).astype(np.float32))
 
 
 def power(spectrum: Spectrum) -> NDArray[np.float32]:

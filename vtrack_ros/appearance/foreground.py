@@ -90,7 +90,8 @@ def colour_index(pixels: Frame) -> Colours:
 def _bins() -> Colours:
     """Return the histogram bin of each 15-bit colour, shape (32768,)."""
     levels = all_colours()[0].astype(np.intp) * _LEVELS // 256
-    return levels @ np.array([1, _LEVELS, _LEVELS**2])
+    bins: Colours = levels @ np.array([1, _LEVELS, _LEVELS**2])
+    return bins
 
 
 def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:

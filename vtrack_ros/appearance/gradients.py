@@ -58,7 +58,8 @@ def oriented_gradients(
     magnitude = np.sqrt(along_x, out=along_x)
     counted = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * (_SIGNED + 1))
     histogram = counted.reshape(_SIGNED + 1, rows, columns)
-    result = np.empty((CHANNELS, rows, columns), np.float32) if out is None else out
+    result: NDArray[np.float32] = (
+        np.empty((CHANNELS, rows, columns), np.float32) if out is None else out)
     result[:_SIGNED] = histogram[:_SIGNED]
     result[0] += histogram[_SIGNED]
     unsigned = result[_SIGNED:]
@@ -66,7 +67,8 @@ def oriented_gradients(
     energy = np.einsum('kij,kij->ij', unsigned, unsigned)
     block = cv2.blur(energy, (3, 3), borderType=cv2.BORDER_REPLICATE)
     block += np.float32((cell * _NOISE / 2)**2)
-    result /= np.sqrt(block, out=block)
+    np.sqrt(block, out=block)
+    result *= np.reciprocal(block, out=block)
     np.minimum(result, np.float32(2 * _TRUNCATION), out=result)
     return result
 

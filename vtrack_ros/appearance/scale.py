@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-import scipy.fft
 
 from vtrack_ros.appearance.correlation import parabola_offset
 from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
 from vtrack_ros.frame import Frame
 
 _CELL = 4
-_AREA = 512
+_AREA = 400
 _REGULARISATION = 1e-2
 
 
@@ -59,10 +58,10 @@ class ScaleFilter:
         grid = np.stack([
             np.broadcast_to(axis * factors[:, None, None], shape).reshape(-1, columns) - 0.5
             for axis in (x[None, None, :], y[None, :, None])])
-        label = np.exp(-0.5 * (steps / (scales / 16))**2).astype(np.float32)
-        transform = scipy.fft.rfft(np.diag(np.hanning(scales + 2)[1:-1]), axis=0)
+        label = np.fft.rfft(np.exp(-0.5 * (steps / (scales / 16))**2))
+        transform = np.fft.rfft(np.diag(np.hanning(scales + 2)[1:-1]), axis=0)
         return cls(factors, grid.astype(np.float32), np.zeros((scales // 2 + 1, 1), np.complex64),
-                   np.zeros(scales // 2 + 1, np.float32), scipy.fft.rfft(label),
+                   np.zeros(scales // 2 + 1, np.float32), label.astype(np.complex64),
                    np.concatenate([transform.real, transform.imag]).astype(np.float32))
 
     def transform(self, grey: Frame, center: tuple[float, float]) -> NDArray[np.complex64]:
@@ -110,7 +109,7 @@ class ScaleFilter:
         products = self.numerator.conj()
         products *= spectrum
         correlated = products.sum(axis=1)
-        response: NDArray[np.float32] = scipy.fft.irfft(
+        response: NDArray[np.float32] = np.fft.irfft(
             correlated / (self.denominator + np.float32(_REGULARISATION)), len(self.factors))
         return response
 

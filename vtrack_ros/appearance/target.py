@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-import scipy.fft
 
 from vtrack_ros.appearance import colour_names, gradients
 from vtrack_ros.appearance.correlation import CorrelationFilter, Spectrum
@@ -129,7 +128,7 @@ class TargetModel:
         width = _LABEL_WIDTH * float(np.sqrt(layout.target[0] * layout.target[1]))
         empty = cls(layout, CorrelationFilter.create(layout.rows, layout.columns, width),
                     ForegroundModel.create(frame.ndim == 3),
-                    ScaleFilter.create(*(_CELL * side for side in layout.target)))
+                    ScaleFilter.create(_CELL * layout.target[0], _CELL * layout.target[1]))
         view = empty.view(frame, center, size)
         scales = empty.scale.transform(view.grey, empty._in_samples((0.0, 0.0)))
         return empty.learned(view, empty.transform(view)).learned_scale(scales, 0.0)
@@ -263,6 +262,5 @@ class TargetModel:
 
 
 def _even_length(cells: float) -> int:
-    """Return a near even number of cells that the Fourier transform is quick with."""
-    length = int(scipy.fft.next_fast_len(max(8, round(cells)), real=True))
-    return length + length % 2
+    """Return the nearest even number of cells, at least eight."""
+    return max(8, 2 * round(cells / 2))

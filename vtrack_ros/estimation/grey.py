@@ -12,14 +12,15 @@ as time goes by.
 
 from __future__ import annotations
 
-from functools import lru_cache
+import math
 
 import numpy as np
 
 from vtrack_ros.estimation.validation import FloatArray
 
 SHORTEST_SERIES = 4
-_TINY = float(np.finfo(np.float64).tiny)
+#: Exponent that isn't exceeded: the forecast of a distant future stays finite.
+_LARGEST = 600.0
 
 
 def gm11_forecast(series: FloatArray, steps: float = 1.0) -> FloatArray:
@@ -55,12 +56,8 @@ def gm11_forecast(series: FloatArray, steps: float = 1.0) -> FloatArray:
         If the series is shorter than four, not two-dimensional or not finite.
 
     """
-    series = _checked(series)
-    lowest = series.min(axis=0)
-    shift = np.where(lowest > 0, 0.0, _span(series, lowest) - lowest)
-    shifted = series + shift
-    mean = shifted.mean(axis=0)
-    return _forecast(shifted / mean, steps) * mean - shift
+    columns = _checked(series).T.tolist()
+    return np.array([_positive_forecast(column, steps) for column in columns])
 
 
 def equivariant_forecast(
@@ -96,14 +93,10 @@ def equivariant_forecast(
         isn't positive.
 
     """
-    series = _checked(series)
+    columns = _checked(series).T.tolist()
     if not margin > 0:
         raise ValueError(f'margin must be positive, not {margin!r}')
-    lowest = series.min(axis=0)
-    span = _span(series, lowest)
-    # In units of the range: neither tiny nor huge values lose digits in the accumulation.
-    forecast = _forecast((series - lowest) / span + margin, steps)
-    return lowest + span * (forecast - margin)
+    return np.array([_shifted_forecast(column, steps, margin) for column in columns])
 
 
 def _checked(series: FloatArray) -> FloatArray:
@@ -116,40 +109,40 @@ def _checked(series: FloatArray) -> FloatArray:
     return series
 
 
-def _span(series: FloatArray, lowest: FloatArray) -> FloatArray:
-    """Return the range of each column; one where the column is constant."""
-    span: FloatArray = series.max(axis=0) - lowest
-    span[span == 0] = 1.0
-    return span
+# A series is so short that plain numbers are several times as quick as arrays.
 
 
-def _forecast(series: FloatArray, steps: float) -> FloatArray:
-    """Forecast a positive series of moderate values, shape (m, n)."""
-    sums = _background(len(series)) @ series
-    background, centre, level = sums[:-2], sums[-2], sums[-1]
+def _positive_forecast(series: list[float], steps: float) -> float:
+    """Forecast a series, shifted up where it isn't positive."""
+    lowest = min(series)
+    shift = 0.0 if lowest > 0 else (max(series) - lowest or 1.0) - lowest
+    mean = sum(series) / len(series) + shift
+    # in units of the mean: neither tiny nor huge values lose digits in the accumulation
+    return _forecast([(value + shift) / mean for value in series], steps) * mean - shift
+
+
+def _shifted_forecast(series: list[float], steps: float, margin: float) -> float:
+    """Forecast a series that is moved to `margin` times its range."""
+    lowest = min(series)
+    span = max(series) - lowest or 1.0
+    forecast = _forecast([(value - lowest) / span + margin for value in series], steps)
+    return lowest + span * (forecast - margin)
+
+
+def _forecast(series: list[float], steps: float) -> float:
+    """Forecast a positive series of moderate values [Zhu2012, eqs 9-16]."""
+    first, *later = series
+    total, background = first, []
+    for value in later:
+        background.append(total + value / 2)
+        total += value
+    centre = sum(background) / len(later)
+    variance = covariance = 0.0
+    for value, accumulated in zip(later, background):
+        variance += (accumulated - centre)**2
+        covariance += (accumulated - centre) * value
     # all of the series may lie in its first value, to machine precision: it has no slope then
-    variance = np.maximum(np.einsum('ij,ij->j', background, background), _TINY)
-    decay = np.einsum('ij,ij->j', background, series[1:])
-    decay /= variance
-    decay -= _TINY  # where it's zero, expm1(a) / a is one
-    a = -decay
-    b = level + a * centre
-    forecast: FloatArray = (b - a * series[0]) * np.exp((len(series) - 1 + steps) * decay)
-    forecast *= np.expm1(a)
-    forecast /= a
-    return forecast
-
-
-@lru_cache(maxsize=32)
-def _background(length: int) -> FloatArray:
-    """
-    Return the matrix that makes z(2..m), less their mean, from a series of that length.
-
-    Its last two rows make the means of z(2..m) and of x0(2..m) [Zhu2012, eqs 9-11].
-    """
-    accumulated = np.tri(length)
-    background = (accumulated[1:] + accumulated[:-1]) / 2
-    centre = background.mean(axis=0)
-    level = np.full(length, 1 / (length - 1))
-    level[0] = 0
-    return np.vstack([background - centre, centre, level])
+    a = -covariance / variance if variance else 0.0
+    b = (total - first) / len(later) + a * centre
+    ratio = math.expm1(a) / a if a else 1.0
+    return (b - a * first) * math.exp(min(-a * (len(later) + steps), _LARGEST)) * ratio

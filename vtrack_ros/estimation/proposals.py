@@ -189,10 +189,11 @@ class GreyProposal(Proposal):
         times = belief.estimate_times[-self.window:]
         spacing = (times[-1] - times[0]) / (self.window - 1)
         steps = dt / spacing if spacing > 0 else 1.0
-        if self.margin is None:
-            forecast = gm11_forecast(series, steps)
-        else:
-            forecast = equivariant_forecast(series, steps, self.margin)
+        measured = [i for i in range(series.shape[1]) if i not in self.velocities]
+        forecast = np.empty(series.shape[1])
+        forecast[measured] = (
+            gm11_forecast(series[:, measured], steps) if self.margin is None
+            else equivariant_forecast(series[:, measured], steps, self.margin))
         for velocity, position in self.velocities.items():
             forecast[velocity] = (forecast[position] - series[-1, position]) / dt
         return forecast

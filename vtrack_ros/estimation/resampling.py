@@ -119,20 +119,31 @@ def resampler(scheme: str) -> Resampler:
 def _checked(weights: FloatArray, count: int) -> FloatArray:
     """Return the weights, normalised."""
     checked_count('count', count)
+    _check_shape(weights)
+    total = weights.sum()
+    _check_values(weights, total)
+    return weights / total
+
+
+def _check_shape(weights: FloatArray) -> None:
     if weights.ndim != 1 or not weights.size:
         raise ValueError(f'weights must be a non-empty vector, not of shape {weights.shape}')
-    total = weights.sum()
+
+
+def _check_values(weights: FloatArray, total: float) -> None:
     # The negation catches NaN as well.
     if not (weights.min() >= 0 and 0 < total < math.inf):
         raise ValueError('weights must be finite, non-negative and not all zero')
-    return weights / total
 
 
 def _cumulated(weights: FloatArray, count: int) -> FloatArray:
     """Return the cumulated weights, scaled so that the last is exactly `count`."""
-    cumulated = _checked(weights, count)
-    np.cumsum(cumulated, out=cumulated)
-    cumulated *= count / cumulated[-1]
+    checked_count('count', count)
+    _check_shape(weights)
+    cumulated = weights.cumsum()
+    total = float(cumulated[-1])
+    _check_values(weights, total)
+    cumulated *= count / total
     cumulated[-1] = count
     return cumulated
 

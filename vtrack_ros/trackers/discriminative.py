@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.foreground import box_mean
+from vtrack_ros.appearance.foreground import box_mean, colour_index
 from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -76,7 +77,7 @@ class DiscriminativeTarget:
         self.live = Hypothesis(model, center, size, 1.0, 1.0)
         self._first_size = size
         self._snapshot: Hypothesis | None = None
-        self._velocity = np.zeros(2)
+        self._velocity = 0.0, 0.0
         self._frames = 0
         self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
         self.out_of_sight_frames = 0
@@ -92,7 +93,7 @@ class DiscriminativeTarget:
     @property
     def confidence(self) -> float:
         """How sure it is that the live place is the target's, in [0, 1]."""
-        return float(1 / (1 + np.exp(-(self.likeness - self._even_likeness) / _LIKENESS_SPREAD)))
+        return 1 / (1 + math.exp(-(self.likeness - self._even_likeness) / _LIKENESS_SPREAD))
 
     @property
     def _even_likeness(self) -> float:
@@ -123,7 +124,7 @@ class DiscriminativeTarget:
         """
         if box is None:
             box = Box.from_center(*self.live.center, *self.live.size)
-        side = np.sqrt(box.area)
+        side = math.sqrt(box.area)
         growth = 1 + self.out_of_sight_frames
         floor = np.array([_CENTER_ERROR, _CENTER_ERROR, _SIZE_ERROR, _SIZE_ERROR]) * side
         return Estimate(
@@ -193,7 +194,7 @@ class DiscriminativeTarget:
             spectrum, shift = model.transform(view), (0.0, 0.0)
         model = model.learned(view, spectrum, shift)
         self.likeness = self._first.likeness(spectrum, shift)
-        return replace(live, model=model, center=center, size=size)
+        return Hypothesis(model, center, size, live.evidence_mean, live.likeness_mean)
 
     def _judge(self, before: Hypothesis, peak: float, dt: float) -> None:
         """Follow the usual evidence and likeness, or keep a snapshot when they break down."""
@@ -206,11 +207,13 @@ class DiscriminativeTarget:
             self._snapshot = before
             self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
             return
-        step = np.subtract(self.live.center, before.center) / dt
-        self._velocity = 0.7 * self._velocity + 0.3 * step
-        self.live = replace(
-            self.live, evidence_mean=evidence + _MEAN_RATE * (peak - evidence),
-            likeness_mean=likeness + _MEAN_RATE * (self.likeness - likeness))
+        live = self.live
+        x, y = (0.7 * velocity + 0.3 * (now - then) / dt for velocity, now, then in zip(
+            self._velocity, live.center, before.center))
+        self._velocity = x, y
+        self.live = Hypothesis(
+            live.model, live.center, live.size, evidence + _MEAN_RATE * (peak - evidence),
+            likeness + _MEAN_RATE * (self.likeness - likeness))
 
     def _search(self, frame: Frame, peak: float, dt: float) -> bool:
         """Search with the snapshot; return whether it found the target elsewhere."""
@@ -267,8 +270,7 @@ class DiscriminativeTarget:
             if turn % 4 == 0:
                 place = snapshot.center
             elif turn % 2 == 0:
-                x, y = np.array(snapshot.center) + min(age, _EXTRAPOLATED_FRAMES) * self._velocity
-                place = (x, y)
+                place = self._extrapolated(snapshot.center, min(age, _EXTRAPOLATED_FRAMES))
             elif age > 8 and self._rng.random() < 0.5:
                 place = self._coloured_place(frame, snapshot)
             else:
@@ -279,12 +281,15 @@ class DiscriminativeTarget:
             places.append(_inside(place, frame))
         return places
 
+    def _extrapolated(self, center: Point, frames: int) -> Point:
+        return center[0] + frames * self._velocity[0], center[1] + frames * self._velocity[1]
+
     def _coloured_place(self, frame: Frame, snapshot: Hypothesis) -> Point:
         """Return a place anywhere in the frame that has the target's colours."""
         width, height = snapshot.size
         stride = max(1, int(min(width, height) / 6))
-        pixels = np.ascontiguousarray(frame[::stride, ::stride])
-        probability = snapshot.model.foreground.probability(pixels)
+        colours = colour_index(np.ascontiguousarray(frame[::stride, ::stride]))
+        probability = snapshot.model.foreground.probability(colours)
         colour = box_mean(probability, (max(1, int(width / stride)), max(1, int(height / stride))))
         # random weights, or one blob of the same colour would be searched again and again
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)

@@ -67,25 +67,26 @@ class Sighting:
 
     def cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points, shape (N, 2) in pixels, in cells of the evidence map."""
-        rows, columns = self.evidence.shape
-        result: NDArray[np.float64] = (points - self.view.center) / self.cell + (
-            columns // 2, rows // 2)
-        return result
+        cells = points - self.view.center
+        cells /= self.cell
+        cells += self._middle
+        return cells
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the evidence at points, shape (N, 2) in pixels; 0 beyond the window."""
         cells = self.cells(points).astype(np.float32)
-        values = cv2.remap(self.evidence, cells[None, :, 0], cells[None, :, 1],
-                           cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-        result: NDArray[np.float64] = values[0].astype(np.float64)
+        values = cv2.remap(
+            self.evidence, cells[:, None], None, cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT, borderValue=0)
+        result: NDArray[np.float64] = values[:, 0].astype(np.float64)
         return result
 
     def climb(self, start: Point) -> Point:
         """Return the local maximum of the evidence that is uphill from a place, in pixels."""
-        rows, columns = self.evidence.shape
-        x, y = self.cells(np.array([start]))[0]
-        column, row = (int(min(max(round(value), 0), size - 1))
-                       for value, size in ((x, columns), (y, rows)))
+        column, row = (
+            min(max(round((place - center) / cell) + middle, 0), 2 * middle - 1)
+            for place, center, cell, middle in zip(
+                start, self.view.center, self.cell, self._middle))
         while True:
             top, left = max(0, row - 2), max(0, column - 2)
             near = self.evidence[top:row + 3, left:column + 3]
@@ -94,8 +95,15 @@ class Sighting:
                 break
             row, column = top + up, left + across
         x, y = subcell_offset(self.evidence, row, column)
-        return (self.view.center[0] + (column + x - columns // 2) * self.cell[0],
-                self.view.center[1] + (row + y - rows // 2) * self.cell[1])
+        middle_x, middle_y = self._middle
+        return (self.view.center[0] + (column + x - middle_x) * self.cell[0],
+                self.view.center[1] + (row + y - middle_y) * self.cell[1])
+
+    @property
+    def _middle(self) -> tuple[int, int]:
+        """Return the (column, row) of the view's centre; a window's sides are even."""
+        rows, columns = self.evidence.shape
+        return columns // 2, rows // 2
 
 
 def look_for(hypothesis: Hypothesis, frame: Frame, center: Point) -> Sighting:
