@@ -159,10 +159,22 @@ def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.fl
         the right.
 
     """
-    half = np.eye(columns // 2 + 1)
-    parts = np.stack([np.fft.irfft(half, columns), np.fft.irfft(1j * half, columns)], axis=1)
-    return (np.fft.ifft(np.eye(rows)).astype(np.complex64),
-            parts.reshape(-1, columns).astype(np.float32))
+    return np.fft.ifft(np.eye(rows)).astype(np.complex64), inverse_of_half(columns)
+
+
+def inverse_of_half(length: int) -> NDArray[np.float32]:
+    """
+    Return the matrix that makes real series from their non-negative frequencies.
+
+    Returns
+    -------
+    ndarray of float32, shape (2 * (length // 2 + 1), length)
+        To be multiplied with spectra, real and imaginary parts interleaved, from the right.
+
+    """
+    half = np.eye(length // 2 + 1)
+    parts = np.stack([np.fft.irfft(half, length), np.fft.irfft(1j * half, length)], axis=1)
+    return parts.reshape(-1, length).astype(np.float32)
 
 
 def power(spectrum: Spectrum) -> NDArray[np.float32]:

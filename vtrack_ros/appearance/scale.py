@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.correlation import parabola_offset
+from vtrack_ros.appearance.correlation import inverse_of_half, parabola_offset
 from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
 from vtrack_ros.frame import Frame
 
@@ -34,6 +34,8 @@ class ScaleFilter:
     analysis : ndarray of float32, shape (2 * (scales // 2 + 1), scales)
         Tapered Fourier transform over the scales as a matrix: the real parts, then the imaginary
         ones.
+    synthesis : ndarray of float32, shape (2 * (scales // 2 + 1), scales)
+        Of `inverse_of_half`.
 
     """
 
@@ -43,6 +45,7 @@ class ScaleFilter:
     denominator: NDArray[np.float32]
     label: NDArray[np.complex64]
     analysis: NDArray[np.float32]
+    synthesis: NDArray[np.float32]
 
     @classmethod
     def create(cls, width: float, height: float, scales: int = 17, step: float = 1.025,
@@ -62,7 +65,8 @@ class ScaleFilter:
         transform = np.fft.rfft(np.diag(np.hanning(scales + 2)[1:-1]), axis=0)
         return cls(factors, grid.astype(np.float32), np.zeros((scales // 2 + 1, 1), np.complex64),
                    np.zeros(scales // 2 + 1, np.float32), label.astype(np.complex64),
-                   np.concatenate([transform.real, transform.imag]).astype(np.float32))
+                   np.concatenate([transform.real, transform.imag]).astype(np.float32),
+                   inverse_of_half(scales))
 
     def transform(self, grey: Frame, center: tuple[float, float]) -> NDArray[np.complex64]:
         """
@@ -102,15 +106,16 @@ class ScaleFilter:
             numerator += keep * self.numerator
             denominator += keep * self.denominator
         return ScaleFilter(
-            self.factors, self.grid, numerator, denominator, self.label, self.analysis)
+            self.factors, self.grid, numerator, denominator, self.label, self.analysis,
+            self.synthesis)
 
     def response(self, spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Return the response to each factor, shape (scales,)."""
         products = self.numerator.conj()
         products *= spectrum
         correlated = products.sum(axis=1)
-        response: NDArray[np.float32] = np.fft.irfft(
-            correlated / (self.denominator + np.float32(_REGULARISATION)), len(self.factors))
+        correlated /= self.denominator + np.float32(_REGULARISATION)
+        response: NDArray[np.float32] = correlated.view(np.float32) @ self.synthesis
         return response
 
     def peak(self, response: NDArray[np.float32]) -> tuple[float, float]:

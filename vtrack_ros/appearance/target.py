@@ -18,6 +18,8 @@ from vtrack_ros.frame import Frame
 
 #: Side of a cell, in samples.
 _CELL = 3
+#: Side of a cell in pixels of the foreground model.
+_DETAIL = 2
 #: Cells of the window, all together.
 _CELLS = 20 * 20
 #: Width of the surroundings in the window, as a share of the target's mean side.
@@ -87,7 +89,7 @@ class View:
     grey : ndarray of uint8, shape (3 * rows, 3 * columns)
         The image.
     colours : ndarray of int, shape (2 * rows, 2 * columns)
-        Which bin of the foreground model each pixel of half the size is in.
+        Each pixel's bin in the foreground model.
     features : ndarray of float32, shape (channels, rows, columns)
 
     """
@@ -144,8 +146,7 @@ class TargetModel:
             frame, center, (width, height), (layout.rows * _CELL, layout.columns * _CELL))
         colour = pixels.ndim == 3
         grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if colour else pixels
-        small = cv2.resize(pixels, (layout.columns * 2, layout.rows * 2),
-                           interpolation=cv2.INTER_AREA)
+        small = cv2.resize(pixels, (layout.columns * _DETAIL, layout.rows * _DETAIL))
         tiny = cv2.resize(small, (layout.columns, layout.rows), interpolation=cv2.INTER_AREA)
         channels = gradients.CHANNELS + 1 + colour * colour_names.CHANNELS
         features = np.empty((channels, layout.rows, layout.columns), np.float32)
@@ -174,10 +175,11 @@ class TargetModel:
         """
         width, height = self.layout.target
         probability = self.foreground.probability(view.colours)
-        colour = box_mean(probability, (max(1, round(2 * width)), max(1, round(2 * height))))
+        colour = box_mean(probability, (
+            max(1, round(_DETAIL * width)), max(1, round(_DETAIL * height))))
         response = self.correlation.response(spectrum)
         response *= np.float32(1 - _COLOUR_WEIGHT)
-        response += np.float32(_COLOUR_WEIGHT) * colour[::2, ::2]
+        response += np.float32(_COLOUR_WEIGHT) * colour[::_DETAIL, ::_DETAIL]
         return response
 
     def growth(self, view: View, shift: Point) -> tuple[float, float, NDArray[np.complex64]]:
@@ -257,8 +259,11 @@ class TargetModel:
     def _rectangle(self, shift: Point) -> Rectangle:
         """Return the target's (top, bottom, left, right) in a view's `colours`."""
         width, height = self.layout.target
-        x, y = self.layout.columns + 2 * shift[0], self.layout.rows + 2 * shift[1]
-        return round(y - height), round(y + height), round(x - width), round(x + width)
+        x = _DETAIL * (self.layout.columns / 2 + shift[0])
+        y = _DETAIL * (self.layout.rows / 2 + shift[1])
+        half_width, half_height = _DETAIL / 2 * width, _DETAIL / 2 * height
+        return (round(y - half_height), round(y + half_height),
+                round(x - half_width), round(x + half_width))
 
 
 def _even_length(cells: float) -> int:

@@ -165,7 +165,7 @@ class GreyProposal(Proposal):
         states = white @ density.factor.T
         states += forecast
         if self.prior_share:
-            chosen = np.flatnonzero(rng.random(len(states)) < self.prior_share)
+            chosen, = (rng.random(len(states)) < self.prior_share).nonzero()
             states[chosen] = predicted[chosen] + model.sample_noise(len(chosen), dt, rng)
         if not self.densities:
             return Proposed(states)

@@ -28,14 +28,18 @@ class DiscriminativeObservation(Observation):
     target : DiscriminativeTarget
     temperature : float
         Share of the usual evidence that makes a factor of e in the likelihood.
+    measuring : bool
+        Whether anybody asks for the measured centre.
 
     """
 
     sized = False
     center_error, size_error = 0.07, 0.10
 
-    def __init__(self, target: DiscriminativeTarget, temperature: float) -> None:
+    def __init__(self, target: DiscriminativeTarget, temperature: float,
+                 measuring: bool) -> None:
         self.target = target
+        self._measuring = measuring
         self.temperature = temperature
         self._sighting: Sighting | None = None
 
@@ -48,7 +52,7 @@ class DiscriminativeObservation(Observation):
         """Make the evidence map; the measured centre is its maximum."""
         x, y = box[:2] + _LEAD * (predicted[:2] - box[:2])
         self._sighting = self.target.look(frame, (float(x), float(y)))
-        if self.target.out_of_sight_frames:
+        if self.target.out_of_sight_frames or not self._measuring:
             return None
         usual = max(self.target.live.evidence_mean, 1e-6)
         quality = min(max(self._sighting.peak / usual, 0.2), 1.0)

@@ -87,7 +87,8 @@ class ParticleTracker(Tracker):
                 str(parameters['kernel']))
         else:
             self._observation = DiscriminativeObservation(
-                DiscriminativeTarget(self._rng), float(parameters['temperature']))
+                DiscriminativeTarget(self._rng), float(parameters['temperature']),
+                self._steered)
         self._box = np.array([*box.center, box.width, box.height])
         self._observation.start(frame, self._box)
         self._side = 0.0
@@ -103,7 +104,7 @@ class ParticleTracker(Tracker):
         predicted[:2] += dt * belief.mean[2:4]
         measured = self._observation.look(frame, self._box, predicted)
         center, error = None, None
-        if measured is not None and self._steered:
+        if measured is not None:
             center, error = measured.center, GaussianNoise.from_covariance(measured.covariance)
         proposed = self._filter.propose(center, dt, error)
         boxes = self._boxes(proposed.states)
@@ -168,8 +169,8 @@ class ParticleTracker(Tracker):
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box
         observation = self._observation
-        center_error, size_error = observation.center_error**2, observation.size_error**2
-        floor = width * height * np.diag([center_error, center_error, size_error, size_error])
+        floor = np.diag([observation.center_error**2] * 2 + [observation.size_error**2] * 2)
+        floor *= width * height
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
             covariance=covariance + floor, confidence=conclusion.confidence,
