@@ -28,7 +28,7 @@ class CorrelationFilter:
     denominator : ndarray of float32, shape (rows, columns // 2 + 1)
         Its running average.
     label : ndarray of complex64, shape (rows, columns // 2 + 1)
-        Spectrum of the wanted response, whose peak is in the middle of the window.
+        Conjugate spectrum of the wanted response, whose peak is in the middle of the window.
     taper : ndarray of float32, shape (rows, columns)
         What the features are multiplied with so that the window's edges fade.
     regularisation : float
@@ -49,7 +49,7 @@ class CorrelationFilter:
         x = np.arange(columns)[None, :] - columns // 2
         label = np.exp(-(x**2 + y**2) / (2 * width**2)).astype(np.float32)
         taper = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
-        spectrum = np.fft.rfft2(label).astype(np.complex64)
+        spectrum = np.fft.rfft2(label).conj().astype(np.complex64)
         return cls(np.zeros((1, *spectrum.shape), np.complex64),
                    np.zeros(spectrum.shape, np.float32), spectrum,
                    taper.astype(np.float32), regularisation)
@@ -78,12 +78,9 @@ class CorrelationFilter:
             Where (x, y) from the middle of the window the target is in the example.
 
         """
-        wanted = self.label.conj()
-        wanted *= rate
-        if shift != (0.0, 0.0):
-            over_rows, over_columns = _frequencies(*self.taper.shape)
-            wanted *= np.exp(shift[1] * over_rows)
-            wanted *= np.exp(shift[0] * over_columns)
+        over_rows, over_columns = _frequencies(*self.taper.shape)
+        wanted = self.label * np.exp(shift[1] * over_rows)
+        wanted *= rate * np.exp(shift[0] * over_columns)
         numerator = wanted * spectrum
         denominator = power(spectrum)
         denominator *= rate

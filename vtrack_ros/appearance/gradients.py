@@ -64,7 +64,7 @@ def oriented_gradients(
     result[0] += histogram[_SIGNED]
     unsigned = result[_SIGNED:]
     np.add(result[:_UNSIGNED], result[_UNSIGNED:_SIGNED], out=unsigned)
-    energy = np.einsum('kij,kij->ij', unsigned, unsigned)
+    energy = np.add.reduce(unsigned * unsigned)
     block = cv2.blur(energy, (3, 3), borderType=cv2.BORDER_REPLICATE)
     block += np.float32((cell * _NOISE / 2)**2)
     np.sqrt(block, out=block)

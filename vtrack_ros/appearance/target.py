@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -133,12 +133,16 @@ class TargetModel:
                     ScaleFilter.create(_CELL * layout.target[0], _CELL * layout.target[1]))
         view = empty.view(frame, center, size)
         scales = empty.scale.transform(view.grey, empty._in_samples((0.0, 0.0)))
-        return empty.learned(view, empty.transform(view)).learned_scale(scales, 0.0)
+        return cls(
+            layout, empty.correlation.learned(empty.transform(view), 1.0),
+            empty.foreground.learned(view.colours, empty._rectangle((0.0, 0.0)), 1.0),
+            empty.scale.learned(scales, 1.0))
 
     def view(self, frame: Frame, center: Point, size: Point) -> View:
         """Describe the window about a target of that centre and size, to the nearest pixel."""
         layout = self.layout
-        width, height = (max(1, round(side * reach)) for side, reach in zip(size, layout.reach))
+        width = max(1, round(size[0] * layout.reach[0]))
+        height = max(1, round(size[1] * layout.reach[1]))
         center = (round(center[0] - width / 2) + width / 2,
                   round(center[1] - height / 2) + height / 2)
         size = width / layout.reach[0], height / layout.reach[1]
@@ -212,18 +216,15 @@ class TargetModel:
             The target's place from the view's centre.
 
         """
-        first = not self.correlation.denominator.any()
-        rate, colour_rate = (1.0, 1.0) if first else (_RATE, _COLOUR_RATE)
         return TargetModel(
-            self.layout, self.correlation.learned(spectrum, rate, shift),
-            self.foreground.learned(view.colours, self._rectangle(shift), colour_rate),
+            self.layout, self.correlation.learned(spectrum, _RATE, shift),
+            self.foreground.learned(view.colours, self._rectangle(shift), _COLOUR_RATE),
             self.scale)
 
     def learned_scale(self, spectrum: NDArray[np.complex64], steps: float) -> TargetModel:
         """Return the model after learning the scale, from what `growth` returned."""
-        first = not self.scale.denominator.any()
-        return replace(self, scale=self.scale.learned(
-            spectrum, 1.0 if first else _SCALE_RATE, steps))
+        return TargetModel(self.layout, self.correlation, self.foreground,
+                           self.scale.learned(spectrum, _SCALE_RATE, steps))
 
     def is_centred(self, shift: Point) -> bool:
         """Tell whether a view that is off by `shift` cells can be learned from as it is."""

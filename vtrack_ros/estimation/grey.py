@@ -12,6 +12,7 @@ as time goes by.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 import numpy as np
@@ -57,7 +58,7 @@ def gm11_forecast(series: FloatArray, steps: float = 1.0) -> FloatArray:
 
     """
     columns = _checked(series).T.tolist()
-    return np.array([_positive_forecast(column, steps) for column in columns])
+    return np.array([series_forecast(column, steps) for column in columns])
 
 
 def equivariant_forecast(
@@ -96,7 +97,7 @@ def equivariant_forecast(
     columns = _checked(series).T.tolist()
     if not margin > 0:
         raise ValueError(f'margin must be positive, not {margin!r}')
-    return np.array([_shifted_forecast(column, steps, margin) for column in columns])
+    return np.array([series_forecast(column, steps, margin) for column in columns])
 
 
 def _checked(series: FloatArray) -> FloatArray:
@@ -109,24 +110,23 @@ def _checked(series: FloatArray) -> FloatArray:
     return series
 
 
-# A series is so short that plain numbers are several times as quick as arrays.
+def series_forecast(
+        series: Sequence[float], steps: float = 1.0, margin: float | None = None) -> float:
+    """
+    Forecast one series, as `gm11_forecast` or, with a margin, as `equivariant_forecast`.
 
-
-def _positive_forecast(series: list[float], steps: float) -> float:
-    """Forecast a series, shifted up where it isn't positive."""
-    lowest = min(series)
-    shift = 0.0 if lowest > 0 else (max(series) - lowest or 1.0) - lowest
-    mean = sum(series) / len(series) + shift
-    # in units of the mean: neither tiny nor huge values lose digits in the accumulation
-    return _forecast([(value + shift) / mean for value in series], steps) * mean - shift
-
-
-def _shifted_forecast(series: list[float], steps: float, margin: float) -> float:
-    """Forecast a series that is moved to `margin` times its range."""
+    A series is so short that plain numbers are several times as quick as arrays. Nothing is
+    checked.
+    """
     lowest = min(series)
     span = max(series) - lowest or 1.0
-    forecast = _forecast([(value - lowest) / span + margin for value in series], steps)
-    return lowest + span * (forecast - margin)
+    if margin is not None:
+        shift, unit = margin * span - lowest, span
+    else:
+        shift = 0.0 if lowest > 0 else span - lowest
+        unit = sum(series) / len(series) + shift
+    # in units of the series: neither tiny nor huge values lose digits in the accumulation
+    return unit * _forecast([(value + shift) / unit for value in series], steps) - shift
 
 
 def _forecast(series: list[float], steps: float) -> float:

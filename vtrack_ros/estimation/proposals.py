@@ -11,8 +11,7 @@ import numpy as np
 
 from vtrack_ros.estimation.belief import Belief
 from vtrack_ros.estimation.gaussian import GaussianNoise
-from vtrack_ros.estimation.grey import (
-    equivariant_forecast, gm11_forecast, SHORTEST_SERIES)
+from vtrack_ros.estimation.grey import series_forecast, SHORTEST_SERIES
 from vtrack_ros.estimation.model import StateSpaceModel
 from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
 
@@ -185,18 +184,17 @@ class GreyProposal(Proposal):
         """
         if len(belief.estimates) < self.window:
             return None
-        series = np.array(belief.estimates[-self.window:])
+        rows = [estimate.tolist() for estimate in belief.estimates[-self.window:]]
         times = belief.estimate_times[-self.window:]
         spacing = (times[-1] - times[0]) / (self.window - 1)
         steps = dt / spacing if spacing > 0 else 1.0
-        measured = [i for i in range(series.shape[1]) if i not in self.velocities]
-        forecast = np.empty(series.shape[1])
-        forecast[measured] = (
-            gm11_forecast(series[:, measured], steps) if self.margin is None
-            else equivariant_forecast(series[:, measured], steps, self.margin))
+        latest = rows[-1]
+        forecast = [
+            latest[i] if i in self.velocities else series_forecast(series, steps, self.margin)
+            for i, series in enumerate(zip(*rows))]
         for velocity, position in self.velocities.items():
-            forecast[velocity] = (forecast[position] - series[-1, position]) / dt
-        return forecast
+            forecast[velocity] = (forecast[position] - latest[position]) / dt
+        return np.array(forecast)
 
     def _density(
             self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,

@@ -21,7 +21,7 @@ def checked_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) ->
 
     """
     array = np.asarray(value, dtype=np.float64)
-    fits = array.ndim == len(shape) and all(
+    fits = array.shape == shape or array.ndim == len(shape) and all(
         wanted is None or length == wanted for length, wanted in zip(array.shape, shape))
     if not fits:
         wanted_shape = ', '.join('any' if length is None else str(length) for length in shape)

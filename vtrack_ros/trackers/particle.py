@@ -157,7 +157,9 @@ class ParticleTracker(Tracker):
         """Let the forecast build on the concluded place, not on the particles' mean."""
         estimates = self._filter.belief.estimates
         if estimates and not self._observation.sized:
-            self._filter.correct_estimate(np.concatenate([box[:2], estimates[-1][2:]]))
+            latest = estimates[-1].copy()
+            latest[:2] = box[:2]
+            self._filter.correct_estimate(latest)
 
     def _boxes(self, states: Array) -> Array:
         """Return the states' boxes, shape (N, 4)."""
@@ -169,11 +171,11 @@ class ParticleTracker(Tracker):
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box
         observation = self._observation
-        floor = np.diag([observation.center_error**2] * 2 + [observation.size_error**2] * 2)
-        floor *= width * height
+        errors = observation.center_error**2, observation.size_error**2
+        covariance = covariance + width * height * np.diag(np.repeat(errors, 2))
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
-            covariance=covariance + floor, confidence=conclusion.confidence,
+            covariance=covariance, confidence=conclusion.confidence,
             state=conclusion.state, particles=boxes)
 
 
