@@ -171,11 +171,11 @@ class ParticleTracker(Tracker):
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box
         observation = self._observation
-        errors = observation.center_error**2, observation.size_error**2
-        covariance = covariance + width * height * np.diag(np.repeat(errors, 2))
+        floor = np.diag([observation.center_error**2] * 2 + [observation.size_error**2] * 2)
+        floor *= width * height
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
-            covariance=covariance, confidence=conclusion.confidence,
+            covariance=covariance + floor, confidence=conclusion.confidence,
             state=conclusion.state, particles=boxes)
 
 
