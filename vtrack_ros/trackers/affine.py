@@ -209,7 +209,12 @@ class AffineTracker(Tracker):
     def _estimate(self, weights: Array, likeness: float) -> Estimate:
         boxes = affine.bounds(self._particles.states, self._size)
         bound = affine.bounds(self._state, self._size)
-        spread = boxes - weights @ boxes
+        shown = bound
+        if self._target is not None:
+            live = self._target.target.live
+            shown = np.array([*live.center, *live.size])
+        # about the box that's reported, which isn't always the particles' mean
+        spread = boxes - shown
         covariance = (spread * weights[:, None]).T @ spread
         frame = self._state @ np.diag([*self._size, 1.0])
         angle = float(affine.angle(self._state))
