@@ -150,7 +150,7 @@ def test_keypoint_error_is_the_mean_square_distance():
         states.append(before @ affine.exponential(
             affine.from_coordinates(0.1 * rng.standard_normal(6))))
     source, target = rng.uniform(0, 80, (2, 12, 2))
-    change = PoseChange(np.eye(3), source, target, 0.0)
+    change = PoseChange(np.eye(3), source, target, np.ones(len(source)), 0.0)
     expected = []
     for state in states:
         move = state @ np.linalg.inv(before)

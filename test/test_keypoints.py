@@ -5,8 +5,9 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
+from vtrack_ros.appearance.keypoint_memory import KeypointMemory
 from vtrack_ros.appearance.keypoints import (
-    KeypointDetector, match, pose_change, similarity, sylvester_rotation)
+    KeypointDetector, Keypoints, nearest, pose_change, similarity, sylvester_rotation)
 from vtrack_ros.geometry import affine
 
 
@@ -91,9 +92,10 @@ def test_sift_finds_the_rotation_of_a_picture(enlargement):
     turned = cv2.warpAffine(image, turning, (size, size), borderMode=cv2.BORDER_REFLECT)
     detector = KeypointDetector()
     window = (100.0 * enlargement, 100.0 * enlargement)
-    matched = match(detector.detect(image, center, window),
-                    detector.detect(turned, center, window))
-    change = pose_change(*matched, 2.0 * enlargement, np.random.default_rng(0))
+    before, after = (detector.detect(picture, center, window) for picture in (image, turned))
+    known, seen = nearest(before.descriptors, after.descriptors)
+    change = pose_change(before.points[known], after.points[seen], 2.0 * enlargement,
+                         np.random.default_rng(0))
     assert change is not None
     assert np.degrees(affine.angle(change.matrix)) == pytest.approx(12, abs=1.5)
     middle = change.matrix @ (*center, 1)
@@ -104,13 +106,98 @@ def test_a_plain_picture_has_no_keypoints_and_no_matches():
     detector = KeypointDetector()
     found = detector.detect(np.full((80, 80, 3), 90, np.uint8), (40.0, 40.0), (60.0, 60.0))
     assert len(found.points) == 0
-    before, after = match(found, detector.detect(_texture(), (80.0, 80.0), (90.0, 90.0)))
-    assert len(before) == len(after) == 0
+    others = detector.detect(_texture(), (80.0, 80.0), (90.0, 90.0))
+    assert len(others.points) > 0
+    for one, other in ((found, others), (others, found)):
+        assert len(nearest(one.descriptors, other.descriptors)[0]) == 0
 
 
-def test_selected_keypoints_keep_their_descriptors():
-    found = KeypointDetector().detect(_texture(), (80.0, 80.0), (100.0, 100.0))
-    chosen = found.points[:, 0] < 80
-    part = found.selected(chosen)
-    assert 0 < len(part.points) < len(found.points)
-    assert_allclose(part.descriptors, found.descriptors[chosen])
+def test_two_looks_of_one_keypoint_are_both_matched():
+    looks = np.random.default_rng(0).random((6, 128)).astype(np.float32)
+    known = np.concatenate([looks + 0.1, looks[:1] + 0.11, looks[1:2] + 0.2])
+    which, seen = nearest(known, looks)
+    assert sorted(zip(seen, which)) == [(0, 0), (0, 6), *((row, row) for row in range(1, 6))]
+
+
+def test_weights_decide_between_two_movements():
+    points = _points(20)
+    after = points + np.where(np.arange(20) < 8, 30.0, 0.0)[:, None]
+    weights = np.where(np.arange(20) < 8, 1.0, 0.1)
+    for given, shift in ((None, 0.0), (weights, 30.0)):
+        change = pose_change(points, after, 1.0, np.random.default_rng(0), given)
+        assert_allclose(change.matrix[:2, 2], shift, atol=1e-6)
+
+
+def test_a_large_change_takes_more_matches():
+    points = _points(5)
+    assert pose_change(points, _moved(points, 0.1), 1.0, np.random.default_rng(0)) is not None
+    assert pose_change(points, _moved(points, 0.1, 2.0), 1.0, np.random.default_rng(0)) is None
+    points = _points(12)
+    change = pose_change(points, _moved(points, 0.1, 2.0), 1.0, np.random.default_rng(0))
+    assert affine.scale(change.matrix) == pytest.approx(2.0)
+
+
+def _looks(count, seed):
+    return np.random.default_rng(seed).random((count, 128)).astype(np.float32)
+
+
+def _placed(state, points):
+    return points @ state[:2, :2].T + state[:2, 2]
+
+
+def _state(x, y, scale=40.0, turn=0.0):
+    return affine.from_vector(np.array([np.log(scale), 0, turn, 0, x, y]))
+
+
+def test_remembered_keypoints_measure_the_pose_without_drift():
+    rng = np.random.default_rng(0)
+    memory = KeypointMemory((1.0, 1.0))
+    places, looks = rng.uniform(-0.5, 0.5, (20, 2)), _looks(20, 1)
+    estimate = _state(100, 100)
+    for step in range(200):
+        truth = _state(100 + step, 100, 40 + 0.1 * step, 0.01 * step)
+        noise = 0.3 * rng.standard_normal(places.shape)
+        change = memory.measure(Keypoints(_placed(truth, places) + noise, looks), estimate, rng)
+        if change is not None:
+            estimate = change.matrix @ estimate
+        memory.learn(estimate)
+    assert_allclose(estimate[:2, 2], truth[:2, 2], atol=1)
+    assert_allclose(estimate[:2, :2], truth[:2, :2], rtol=0.02, atol=1)
+
+
+def test_keypoints_that_the_target_passes_never_become_its_own():
+    rng = np.random.default_rng(0)
+    memory = KeypointMemory((1.0, 1.0))
+    places, looks = rng.uniform(-0.5, 0.5, (10, 2)), _looks(10, 1)
+    ground, ground_looks = rng.uniform(0, 200, (200, 2)), _looks(200, 2)
+    for step in range(40):
+        truth = _state(60 + 2 * step, 100)
+        memory.measure(Keypoints(np.concatenate([_placed(truth, places), ground]),
+                                 np.concatenate([looks, ground_looks])), truth, rng)
+        memory.learn(truth)
+    # an occluder: the ground alone is seen, and it says nothing about the target
+    assert memory.measure(Keypoints(ground, ground_looks), truth, rng) is None
+
+
+def test_keypoints_from_before_a_time_without_any_outvote_later_ones():
+    rng = np.random.default_rng(0)
+    memory = KeypointMemory((1.0, 1.0))
+    places, looks, later = rng.uniform(-0.4, 0.4, (12, 2)), _looks(12, 1), _looks(12, 2)
+    truth, wrong = _state(100, 100), _state(115, 108)
+    for _ in range(5):
+        memory.measure(Keypoints(_placed(truth, places), looks), truth, rng)
+        memory.learn(truth)
+    sure = memory.doubt
+    for _ in range(20):
+        memory.measure(Keypoints(_placed(truth, places)[:0], looks[:0]), wrong, rng)
+        memory.learn(wrong)
+    assert memory.doubt > sure + 5
+    for _ in range(5):
+        memory.measure(Keypoints(_placed(truth, places), later), wrong, rng)
+        memory.learn(wrong)
+    # both sets are seen, on the target's true place: the later ones say that nothing has moved
+    change = memory.measure(Keypoints(
+        np.concatenate([_placed(truth, places)[:9], _placed(truth, places)]),
+        np.concatenate([looks[:9], later])), wrong, rng)
+    assert_allclose((change.matrix @ wrong)[:2, 2], truth[:2, 2], atol=0.5)
+    assert memory.doubt < sure + 1

@@ -10,18 +10,26 @@ from numpy.typing import NDArray
 
 from vtrack_ros.appearance.window import sample_window
 from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import affine
 
 Points = NDArray[np.float64]
 
-#: Keypoints are looked for in at most about this many pixels, squared.
+#: Side of the widest window that keypoints are looked for in, in samples.
 _RESOLUTION = 80
 _KEYPOINTS = 80
 #: A match counts if its descriptor is this much nearer than the second nearest [Lowe 2004].
 _RATIO = 0.8
+#: Known descriptors this much farther than the nearest are looks of the same keypoint.
+_SAME = 1.25
 _TRIALS = 100
 #: Fewest matches that agree, and the fewest as a share of all.
 _FEWEST = 4
 _FEWEST_SHARE = 0.3
+#: Largest change of the logarithm of the scale and largest rotation, [rad]; and those that take
+#: more matches to be believed.
+_LARGEST_GROWTH, _LARGEST_TURN = 1.0, 1.6
+_LARGE_GROWTH, _LARGE_TURN = 0.25, 0.5
+_FEWEST_IF_LARGE = 6
 
 
 @dataclass(frozen=True)
@@ -41,10 +49,6 @@ class Keypoints:
     points: Points
     descriptors: NDArray[np.float32]
 
-    def selected(self, chosen: NDArray[np.bool_]) -> Keypoints:
-        """Return the keypoints that a mask of shape (M,) chooses."""
-        return Keypoints(self.points[chosen], self.descriptors[chosen])
-
 
 @dataclass(frozen=True)
 class PoseChange:
@@ -57,6 +61,8 @@ class PoseChange:
         Maps points of the former frame to the latter, in pixels.
     before, after : ndarray, shape (M, 2), [px]
         The matched points that agree with it.
+    weights : ndarray, shape (M,)
+        What each of them counts for.
     error : float, [px]
         The root mean square of their distances.
 
@@ -65,17 +71,27 @@ class PoseChange:
     matrix: NDArray[np.float64]
     before: Points
     after: Points
+    weights: NDArray[np.float64]
     error: float
 
 
 class KeypointDetector:
-    """SIFT keypoints [Lowe 2004] of a window, at a bounded resolution."""
+    """
+    SIFT keypoints [Lowe 2004] of a window, at a bounded resolution.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    side : int
+        The most samples along a side of the target.
+
+    """
+
+    def __init__(self, side: int = 50) -> None:
+        self._side = side
         self._sift = cv2.SIFT.create(nfeatures=_KEYPOINTS, contrastThreshold=0.02)
 
-    def detect(self, frame: Frame, center: tuple[float, float],
-               size: tuple[float, float]) -> Keypoints:
+    def detect(self, frame: Frame, center: tuple[float, float], target: tuple[float, float],
+               reach: float = 1.0) -> Keypoints:
         """
         Return the keypoints of a window.
 
@@ -83,12 +99,16 @@ class KeypointDetector:
         ----------
         frame : ndarray of uint8, shape (H, W, 3) or (H, W)
             The frame.
-        center, size : tuple of float, [px]
-            The window's centre and size.
+        center, target : tuple of float, [px]
+            The window's centre, and the target's size.
+        reach : float
+            The window's size in units of the target's.
 
         """
-        shrink = min(1.0, _RESOLUTION / float(np.sqrt(size[0] * size[1])))
-        columns, rows = (max(8, round(side * shrink)) for side in size)
+        size = reach * target[0], reach * target[1]
+        side = min(_RESOLUTION, reach * self._side)
+        shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
+        columns, rows = (max(8, round(length * shrink)) for length in size)
         window = sample_window(frame, center, size, (rows, columns))
         if window.ndim == 3:
             window = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY)
@@ -100,36 +120,42 @@ class KeypointDetector:
         return Keypoints(center + offset * size, descriptors)
 
 
-def match(before: Keypoints, after: Keypoints) -> tuple[Points, Points]:
+def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
+        NDArray[np.intp], NDArray[np.intp]]:
     """
-    Return the points of both frames that have each other's nearest descriptor.
+    Return which known descriptors were seen again, and as which.
 
-    A match has to be better than the second best by Lowe's ratio.
+    A match has to be better than the second best by Lowe's ratio. What was seen may be more than
+    one of those known, if they're about as near: then they are looks of the same keypoint.
+
+    Parameters
+    ----------
+    known, seen : ndarray of float32, shapes (M, d) and (N, d)
+        The descriptors.
 
     Returns
     -------
-    tuple of ndarray, shape (M, 2), [px]
-        The points before, and those after.
+    tuple of ndarray, shape (K,)
+        The rows of `known`, and those of `seen`.
 
     """
-    none = np.zeros((0, 2))
-    if len(before.points) < 2 or len(after.points) < 2:
+    if not len(known) or len(seen) < 2:
+        none = np.zeros(0, np.intp)
         return none, none
-    squares = (np.square(before.descriptors).sum(1)[:, None]
-               + np.square(after.descriptors).sum(1)
-               - 2 * before.descriptors @ after.descriptors.T)
+    squares = (np.square(known).sum(1)[:, None] + np.square(seen).sum(1)
+               - 2 * known @ seen.T)
     order = np.argpartition(squares, 1, axis=1)[:, :2]
     best, second = np.take_along_axis(squares, order, 1).T
     swapped = best > second
-    nearest = np.where(swapped, order[:, 1], order[:, 0])
+    found = np.where(swapped, order[:, 1], order[:, 0])
     best, second = np.minimum(best, second), np.maximum(best, second)
-    mutual = squares.argmin(0)[nearest] == np.arange(len(nearest))
-    good = mutual & (best < _RATIO**2 * second)
-    return before.points[good], after.points[nearest[good]]
+    limit = _SAME**2 * np.maximum(squares.min(0), 0)
+    good = np.flatnonzero((best <= limit[found]) & (best < _RATIO**2 * second))
+    return good, found[good]
 
 
-def pose_change(before: Points, after: Points, tolerance: float,
-                rng: np.random.Generator) -> PoseChange | None:
+def pose_change(before: Points, after: Points, tolerance: float, rng: np.random.Generator,
+                weights: NDArray[np.float64] | None = None) -> PoseChange | None:
     """
     Return the pose change that most matches agree with, or None where too few do.
 
@@ -144,11 +170,15 @@ def pose_change(before: Points, after: Points, tolerance: float,
         The largest distance of a match that agrees.
     rng : numpy.random.Generator
         Where the pairs are drawn from.
+    weights : ndarray, shape (M,), optional
+        What each match counts for; by default all the same.
 
     """
     count = len(before)
     if count < _FEWEST:
         return None
+    if weights is None:
+        weights = np.ones(count)
     # a similarity is a complex linear function z' = a z + b
     source, target = before @ (1, 1j), after @ (1, 1j)
     first = rng.integers(0, count, _TRIALS)
@@ -156,24 +186,32 @@ def pose_change(before: Points, after: Points, tolerance: float,
     base = source[second] - source[first]
     usable = np.abs(base) > tolerance
     turn = (target[second] - target[first])[usable] / base[usable]
-    shift = target[first[usable]] - turn * source[first[usable]]
+    likely = (np.abs(np.log(np.maximum(np.abs(turn), 1e-9))) < _LARGEST_GROWTH) & (
+        np.abs(np.angle(turn)) < _LARGEST_TURN)
+    turn, first = turn[likely], first[usable][likely]
+    shift = target[first] - turn * source[first]
     if not len(turn):
         return None
     agrees = np.abs(turn[:, None] * source + shift[:, None] - target) < tolerance
-    inliers = agrees[int(agrees.sum(1).argmax())]
+    inliers = agrees[int((agrees @ weights).argmax())]
     for _ in range(2):
         if inliers.sum() < max(_FEWEST, _FEWEST_SHARE * count):
             return None
-        matrix = similarity(before[inliers], after[inliers])
+        matrix = similarity(before[inliers], after[inliers], weights[inliers])
         errors = np.linalg.norm(before @ matrix[:2, :2].T + matrix[:2, 2] - after, axis=1)
         inliers = errors < tolerance
     if inliers.sum() < max(_FEWEST, _FEWEST_SHARE * count):
         return None
-    return PoseChange(matrix, before[inliers], after[inliers],
+    large = (abs(np.log(float(affine.scale(matrix)))) > _LARGE_GROWTH
+             or abs(float(affine.angle(matrix))) > _LARGE_TURN)
+    if large and inliers.sum() < _FEWEST_IF_LARGE:
+        return None
+    return PoseChange(matrix, before[inliers], after[inliers], weights[inliers],
                       float(np.sqrt(np.mean(errors[inliers]**2))))
 
 
-def similarity(before: Points, after: Points) -> NDArray[np.float64]:
+def similarity(before: Points, after: Points,
+               weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """
     Return the least squares rotation, scale and translation between matched points.
 
@@ -184,6 +222,8 @@ def similarity(before: Points, after: Points) -> NDArray[np.float64]:
     ----------
     before, after : ndarray, shape (M, 2), [px]
         Matched points.
+    weights : ndarray, shape (M,), optional
+        Of the squares; by default all the same.
 
     Returns
     -------
@@ -191,8 +231,11 @@ def similarity(before: Points, after: Points) -> NDArray[np.float64]:
         p' = s R p + l with l = mean(p') - s R mean(p) [Xiang, eq. 4].
 
     """
-    mean_before, mean_after = before.mean(0), after.mean(0)
-    centred, target = before - mean_before, after - mean_after
+    share = np.ones(len(before)) if weights is None else weights
+    share = share / share.sum()
+    mean_before, mean_after = share @ before, share @ after
+    root = np.sqrt(share)[:, None]
+    centred, target = root * (before - mean_before), root * (after - mean_after)
     spread = max(float(np.square(centred).sum()), 1e-12)
     ratio = float(np.sqrt(max(float(np.square(target).sum()), 1e-12) / spread))
     result = np.eye(3)

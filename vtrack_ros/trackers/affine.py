@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.keypoints import (
-    KeypointDetector, Keypoints, match, pose_change, PoseChange)
+from vtrack_ros.appearance.keypoint_memory import KeypointMemory
+from vtrack_ros.appearance.keypoints import KeypointDetector, PoseChange
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.parameters import Parameter, ParameterTable
@@ -20,15 +20,17 @@ from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
 
 Array = NDArray[np.float64]
 
-#: The window that keypoints are looked for in, in units of the target's bound.
-_KEYPOINT_REACH = 1.6
-#: A match agrees with a pose change within this share of the target's mean side.
-_KEYPOINT_TOLERANCE = 0.04
+#: The window that keypoints are looked for in, in units of the target's bound: about its last
+#: place, and about the place of most evidence. It's twice as wide where there is so much doubt.
+_KEYPOINT_REACH, _KEYPOINT_REACH_ABOUT_EVIDENCE = 1.6, 1.3
+_DOUBTFUL = 10.0
 #: Power of the paper's likelihood beside the evidence: both see the same pixels, and a product of
 #: terms that aren't independent is too sure of itself.
 _TEMPERED = 0.3
 #: Samples along each side of a look: the paper's, and what does beside the evidence.
 _SIDE = {'paper': 32, 'default': 24}
+#: Samples along a side of the target, at most, that keypoints are looked for in.
+_KEYPOINT_SIDE = {'paper': 50, 'default': 40}
 
 _SHARED = ParameterTable([
     Parameter('preset', 'default', 'As printed (paper), or steered by a discriminative model that '
@@ -117,8 +119,8 @@ class AffineTracker(Tracker):
             frame, self._state, self._size, int(self._parameters['eigenvectors']),
             'colour_sigma' in self._parameters,
             _SIDE[str(self._parameters['preset'])])
-        self._detector = KeypointDetector()
-        self._keypoints: Keypoints | None = None
+        self._detector = KeypointDetector(_KEYPOINT_SIDE[str(self._parameters['preset'])])
+        self._memory: KeypointMemory | None = None
         self._measure_movement(frame)
         self._remember_keypoints()
         self._target: UprightTarget | None = None
@@ -152,7 +154,7 @@ class AffineTracker(Tracker):
     def _weigh(self, frame: Frame, dt: float, seen: Array | None) -> Array:
         """Move the particles, and return their normalised weights, shape (N,)."""
         values, particles = self._parameters, self._particles
-        change = self._measure_movement(frame)
+        change = self._measure_movement(frame, seen)
         particles.propose(
             dt, self._sigmas, float(values.get('ar', 0.0)),
             None if change is None else change.matrix, float(values.get('keypoint_share', 0.0)))
@@ -185,32 +187,34 @@ class AffineTracker(Tracker):
         self._particles.grow(growth)
         return found
 
-    def _measure_movement(self, frame: Frame) -> PoseChange | None:
-        """Return how the keypoints of the target moved since the last frame."""
+    def _measure_movement(self, frame: Frame, place: Array | None = None) -> PoseChange | None:
+        """Return how the target's keypoints moved from where the last estimate has them."""
         if not self._parameters.get('keypoints', False):
-            self._keypoints = None
+            self._memory = None
             return None
-        before = self._keypoints
+        memory = self._memory = self._memory or KeypointMemory(self._size)
         x, y, width, height = affine.bounds(self._state, self._size)
-        self._keypoints = self._detector.detect(
-            frame, (x, y), (_KEYPOINT_REACH * width, _KEYPOINT_REACH * height))
-        if before is None:
-            return None
-        tolerance = max(1.0, _KEYPOINT_TOLERANCE * float(affine.scale(self._state)))
-        return pose_change(*match(before, self._keypoints), tolerance, self._rng)
+        reach = _KEYPOINT_REACH
+        if place is not None:
+            (x, y), reach = place, _KEYPOINT_REACH_ABOUT_EVIDENCE
+        reach *= 1 + min(memory.doubt / _DOUBTFUL, 1.0)
+        seen = self._detector.detect(frame, (float(x), float(y)), (width, height), reach)
+        return memory.measure(seen, self._state, self._rng)
 
     def _remember_keypoints(self) -> None:
-        """Keep the keypoints on the target, for the next frame."""
-        if self._keypoints is not None:
-            points = self._keypoints.points
-            inverse = affine.inverse(self._state)
-            inside = np.abs(points @ inverse[:2, :2].T + inverse[:2, 2]) < np.array(self._size) / 2
-            self._keypoints = self._keypoints.selected(inside.all(1))
+        """Learn which keypoints moved with the target."""
+        if self._memory is not None:
+            self._memory.learn(self._state)
 
     def _estimate(self, weights: Array, likeness: float) -> Estimate:
         boxes = affine.bounds(self._particles.states, self._size)
         bound = affine.bounds(self._state, self._size)
-        spread = boxes - weights @ boxes
+        shown = bound
+        if self._target is not None:
+            live = self._target.target.live
+            shown = np.array([*live.center, *live.size])
+        # about the box that's reported, which isn't always the particles' mean
+        spread = boxes - shown
         covariance = (spread * weights[:, None]).T @ spread
         frame = self._state @ np.diag([*self._size, 1.0])
         angle = float(affine.angle(self._state))
@@ -239,6 +243,11 @@ class AffineKeypointParticleFilter(AffineTracker):
     The paper has the pose steer the sampling, but doesn't say how: here `keypoint_share` of the
     particles move by the measured pose plus noise and the rest by the autoregressive process, so
     that a wrong pose costs particles and not the target. Without a pose all follow the process.
+
+    The paper matches the keypoints of consecutive frames. As printed that loses targets that pass
+    behind something: the occluder's keypoints in the box agree on a movement, its own, and the
+    error of each step adds to the last. Here the keypoints of the target are remembered, see
+    `KeypointMemory`, and the pose is measured against the places that they had on it.
     """
 
     NAME = 'appf'

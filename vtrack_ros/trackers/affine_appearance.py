@@ -87,7 +87,7 @@ class AffineAppearance:
         widths : Widths
             Of the three terms.
         change : PoseChange, optional
-            The keypoints that the last frame and this share.
+            The target's keypoints that were seen again.
         before : ndarray, shape (3, 3)
             The target's affine frame in the last frame.
 
@@ -154,22 +154,22 @@ def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
     before : ndarray, shape (3, 3)
         The target's affine frame in the last frame.
     change : PoseChange
-        The matched keypoints.
+        The matched keypoints, from where `before` has them.
 
     Returns
     -------
     ndarray, shape (N,), [px^2]
-        The mean square of the distances [Xiang, sec. 3.3.3; the text sums, which would make the
-        term's weight depend on how many keypoints there happen to be].
+        The weighted mean square of the distances [Xiang, sec. 3.3.3; the text sums, which would
+        make the term's weight depend on how many keypoints there happen to be].
 
     """
     moves = states @ affine.inverse(before)
     # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments
     points = np.column_stack([change.before, np.ones(len(change.before))])
-    count = len(points)
-    scatter, cross = points.T @ points / count, change.after.T @ points / count
+    shares = change.weights / change.weights.sum()
+    scatter, cross = (points.T * shares) @ points, (change.after.T * shares) @ points
     rows = moves[:, :2]
     result: Array = (np.einsum('nij,jk,nik->n', rows, scatter, rows)
                      - 2 * np.einsum('nij,ij->n', rows, cross)
-                     + np.square(change.after).sum() / count)
+                     + shares @ np.square(change.after).sum(1))
     return np.maximum(result, 0.0)

@@ -1,0 +1,128 @@
+"""The keypoints of a target, in its own coordinates, that have moved with it so far."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.keypoints import Keypoints, nearest, pose_change, PoseChange
+from vtrack_ros.geometry import affine
+
+Array = NDArray[np.float64]
+
+#: Sightings after which a keypoint is taken for the target's own.
+_OWN = 3
+#: Frames for which a candidate is kept that isn't seen.
+_PATIENCE = 2
+#: Most keypoints kept.
+_CAPACITY = 400
+#: A keypoint's place is the mean of its latest sightings, about this many.
+_MEAN_OF = 30
+#: What a frame with a measured pose adds to the doubt about places, and one without.
+_MEASURED_DOUBT, _UNMEASURED_DOUBT = 0.02, 0.5
+#: Points agree within this share of the target's mean side, and one pixel at least.
+_TOLERANCE = 0.04
+
+
+class KeypointMemory:
+    """
+    Remembers where on the target its keypoints are, and what they look like.
+
+    Poses that are measured between consecutive frames accumulate their errors, and a keypoint of
+    the background or of an occluder within the box is as good as one of the target's. Here a new
+    keypoint is a candidate at first: only when it has been seen at the same place of the target
+    in several frames does it count as the target's own. Keypoints of what the target moves across
+    never do, and the pose is measured against places that stay.
+
+    A place is as doubtful as the pose was when the keypoint was first seen there, and a pose is as
+    doubtful as the places that it was measured from. Without keypoints the doubt grows, so that
+    those known before a time without them outvote those that came after it.
+
+    Parameters
+    ----------
+    size : tuple of float
+        The (width, height) of the rectangle that affine frames map onto the target.
+
+    """
+
+    def __init__(self, size: tuple[float, float]) -> None:
+        self._half = np.array(size) / 2
+        self._points = np.zeros((0, 2))
+        self._descriptors = np.zeros((0, 128), np.float32)
+        #: Sightings, frames since the last one, and doubt.
+        self._sightings = np.zeros(0)
+        self._unseen = np.zeros(0)
+        self._doubts = np.zeros(0)
+        self._started = False
+        self.doubt = 0.0
+
+    def measure(self, seen: Keypoints, state: Array,
+                rng: np.random.Generator) -> PoseChange | None:
+        """
+        Return how the target moved from where an affine frame has it.
+
+        Parameters
+        ----------
+        seen : Keypoints
+            Those of a new frame.
+        state : ndarray, shape (3, 3)
+            The target's affine frame before.
+        rng : numpy.random.Generator
+            What RANSAC draws from.
+
+        """
+        self._seen = seen
+        self._which, self._as = nearest(self._descriptors, seen.descriptors)
+        own = self._sightings[self._which] >= _OWN
+        which = self._which[own]
+        change = pose_change(
+            self._points[which] @ state[:2, :2].T + state[:2, 2], seen.points[self._as[own]],
+            max(1.0, _TOLERANCE * float(affine.scale(state))), rng,
+            1 / (1 + self._doubts[which]))
+        self._measured = change is not None
+        if change is None:
+            self.doubt += _UNMEASURED_DOUBT * self._started
+        else:
+            # weights are 1 / (1 + doubt)
+            self.doubt = _MEASURED_DOUBT + len(change.weights) / float(change.weights.sum()) - 1
+        return change
+
+    def learn(self, state: Array) -> None:
+        """Learn which of the frame's keypoints agree with the target's affine frame in it."""
+        inverse = affine.inverse(state)
+        seen = self._seen.points @ inverse[:2, :2].T + inverse[:2, 2]
+        off = seen[self._as] - self._points[self._which]
+        agrees = np.square(off).sum(1) < max(_TOLERANCE, 1 / float(affine.scale(state)))**2
+        which, seen_as = self._which[agrees], self._as[agrees]
+        self._unseen += 1
+        self._unseen[which] = 0
+        self._sightings[which] += 1
+        if self._measured:
+            # what is seen elsewhere isn't the target's: in the first frame all are taken for that
+            self._sightings[self._which[~agrees]] -= 1
+        share = 1 / np.minimum(self._sightings[which], _MEAN_OF)
+        self._points[which] += share[:, None] * off[agrees]
+        self._doubts[which] += share * (self.doubt - self._doubts[which])
+        self._descriptors[which] = self._seen.descriptors[seen_as]
+        # of keypoints that have become the same one the least doubtful stays
+        order = np.lexsort((self._doubts[which], seen_as))
+        same = np.zeros(len(order), np.bool_)
+        same[1:] = np.diff(seen_as[order]) == 0
+        gone = np.zeros(len(self._points), np.bool_)
+        gone[which[order[same]]] = True
+        gone |= (self._unseen >= _PATIENCE) & (self._sightings < _OWN)
+        fresh = (np.abs(seen) < self._half).all(1)
+        fresh[seen_as] = False
+        count = int(fresh.sum())
+        kept = np.flatnonzero(~gone)
+        if len(kept) + count > _CAPACITY:
+            # those seen lately stay
+            kept = kept[np.argsort(self._unseen[kept], kind='stable')[:_CAPACITY - count]]
+        self._points = np.concatenate([self._points[kept], seen[fresh]])
+        self._descriptors = np.concatenate(
+            [self._descriptors[kept], self._seen.descriptors[fresh]])
+        self._sightings = np.concatenate(
+            [self._sightings[kept], np.full(count, 1 if self._started else _OWN)])
+        self._unseen = np.concatenate([self._unseen[kept], np.zeros(count)])
+        self._doubts = np.concatenate([self._doubts[kept], np.full(count, self.doubt)])
+        self._started = True
