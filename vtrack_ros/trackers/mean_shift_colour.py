@@ -35,7 +35,7 @@ _ROUND = 1.15
 #: Likeness at which on and off the target are even, and the width of the transition.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.4, 0.1
 #: Width of the likelihood that the covariance is of, and errors in units of the size.
-_LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.12, 0.15
+_LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.33, 0.3
 
 _STENCIL = np.array([(x, y) for x in (-0.5, 0.0, 0.5) for y in (-0.5, 0.0, 0.5)])
 
@@ -86,14 +86,15 @@ class ColourMeanShift:
         settings = self.settings
         forecast = self._center + dt * settings.inertia * self._velocity
         points = self._drawn(forecast)
+        expected = self._center
         place, zeta = (None, 0.0) if self._searched else self._tracked(frame, points)
         if place is None or zeta <= settings.rejected:
             self._matrix = self._trusted
-            place, zeta = self._search(frame, dt, points)
+            place, zeta, expected = self._search(frame, dt, points)
         if place is None:
             self._searched += dt
             self._velocity *= 0.9**dt
-            self._center = self._inside(self._expected(frame, points), frame)
+            self._center = self._inside(expected, frame)
         else:
             step = (place - self._center) / dt
             self._velocity = np.zeros(2) if self._searched else (self._velocity + step) / 2
@@ -120,26 +121,46 @@ class ColourMeanShift:
             zeta = max(zeta, float(scores.max()))
         return np.array(place), zeta
 
-    def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Array | None, float]:
-        """Search in three stages [Yin2013, sec. 2.4]; None where nothing is found."""
+    def _search(
+            self, frame: Frame, dt: float, points: Array) -> tuple[Array | None, float, Array]:
+        """
+        Search in three stages [Yin2013, sec. 2.4].
+
+        Returns
+        -------
+        place : ndarray, shape (2,), or None
+            None where nothing is found.
+        zeta : float
+            The likeness there.
+        expected : ndarray, shape (2,)
+            What to report otherwise: the mean of the particles, weighted with their likeness
+            [Yin2013, eq. 12].
+
+        """
         if not len(points):
-            return self._matched(frame, self._blobs(frame))
-        expected = self._center + dt * self._velocity
-        found, zeta = self._matched(frame, expected[None])
+            return *self._likest(frame, self._blobs(frame)), self._center
+        ahead = self._center + dt * self._velocity
+        found, zeta = self._likest(frame, ahead[None])
         if found is not None:
-            return found, zeta
+            return found, zeta, found
         reach = self.settings.region * (1 + 0.2 * min(self._searched, 2 * _LOCAL_FRAMES))
         spread = self._rng.uniform(-1.0, 1.0, (_CANDIDATES, 2)) * np.diag(self._box_matrix)
-        found, zeta = self._matched(frame, np.concatenate([expected + reach * spread, points]))
+        candidates = np.concatenate([ahead + reach * spread, points])
+        scores = self._score(frame, candidates)
+        found, zeta = self._matched(frame, candidates, scores)
         if found is None and self._searched > _LOCAL_FRAMES:
-            found, zeta = self._matched(frame, self._blobs(frame))
-        return found, zeta
+            found, zeta = self._likest(frame, self._blobs(frame))
+        weights = scores[_CANDIDATES:] + 0.1
+        return found, zeta, weights @ points / weights.sum()
 
-    def _matched(self, frame: Frame, candidates: Array) -> tuple[Array | None, float]:
-        """Climb from the likest candidates; return the likest place if it's like enough."""
+    def _likest(self, frame: Frame, candidates: Array) -> tuple[Array | None, float]:
         if not len(candidates):
             return None, 0.0
-        scores = self._score(frame, candidates)
+        return self._matched(frame, candidates, self._score(frame, candidates))
+
+    def _matched(
+            self, frame: Frame, candidates: Array, scores: Array) -> tuple[Array | None, float]:
+        """Climb from the likest candidates; return the likest place if it's like enough."""
         likest = [index for index in np.argsort(-scores)[:3]
                   if scores[index] > self.settings.rejected]
         if not likest:
@@ -191,14 +212,6 @@ class ColourMeanShift:
         """Converge the particles on a place and redraw them about it [Yin2013, sec. 2.2]."""
         uniform = self._rng.uniform(-1.0, 1.0, (self.settings.particles, 2))
         return center + self.settings.region * uniform * np.diag(self._box_matrix)
-
-    def _expected(self, frame: Frame, points: Array) -> Array:
-        """Return the mean of the particles, weighted with their likeness [Yin2013, eq. 12]."""
-        if not len(points):
-            return self._center
-        weights = self._score(frame, points) + 0.1
-        result: Array = weights @ points / weights.sum()
-        return result
 
     @property
     def _bandwidth(self) -> Array:
