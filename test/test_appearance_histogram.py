@@ -139,29 +139,6 @@ def test_large_boxes_are_sampled_by_the_same_number_of_points():
         assert found[0] == pytest.approx(0.5) and found[-1] == pytest.approx(0.5)
 
 
-def test_climbing_ends_on_the_target_from_any_side():
-    """Mean shift from a third of the target's side away ends within a twelfth of it."""
-    rng = np.random.default_rng(2)
-    frame = rng.integers(90, 130, size=(120, 160, 3), dtype=np.uint8)
-    frame[40:80, 60:100] = rng.integers(180, 255, size=(40, 40, 3), dtype=np.uint8)
-    histogram = ColourHistogram()
-    target = np.array([80.0, 60.0, 40.0, 40.0])
-    reference = histogram.reference(frame, target)
-    for x, y in ((13, 0), (-13, 5), (0, 13), (9, -9)):
-        top = histogram.climb(frame, target + [x, y, 0, 0], reference)
-        assert np.abs(top - target)[:2].max() < 40 / 12
-        np.testing.assert_array_equal(top[2:], target[2:])
-
-
-def test_climbing_outside_the_image_stays_put():
-    """Nothing to see, nowhere to go."""
-    histogram = ColourHistogram()
-    frame = random_frame()
-    reference = histogram.reference(frame, np.array([30.0, 20.0, 20.0, 20.0]))
-    away = np.array([500.0, 400.0, 20.0, 20.0])
-    np.testing.assert_array_equal(histogram.climb(frame, away, reference), away)
-
-
 def test_no_image_no_mass():
     """An empty image of bins gives empty histograms."""
     result = sampled_histograms(np.zeros((0, 0), np.intp), 7, np.ones((3, 4)), 4, np.ones(16))

@@ -201,6 +201,17 @@ def test_a_dropped_frame_is_forecast_as_two_steps():
     np.testing.assert_allclose(twice, [28.0, 6.0], atol=0.1)
 
 
+def test_a_steady_component_is_expected_to_stay():
+    """It is forecast as it was last, whatever its series; the others by their own."""
+    series = np.array([[3.0, 10.0], [5.0, 11.0], [7.0, 9.0], [9.0, 14.0], [11.0, 12.0]])
+    belief = Belief(np.zeros((2, 2)), Weights.uniform(2), 4.0, None,
+                    tuple(series), tuple(np.arange(5.0)))
+    moving = GreyProposal(margin=1000.0).forecast(belief, 1.0)
+    steady = GreyProposal(margin=1000.0, steady=(1,)).forecast(belief, 1.0)
+    assert steady[0] == moving[0] == pytest.approx(13.0, abs=0.05)
+    assert steady[1] == 12.0 != moving[1]
+
+
 def test_a_share_of_prior_particles_bounds_the_weights():
     model = ConstantVelocity(2, 2)
     particle_filter = make(model, GreyProposal(prior_share=0.25), particles=500)

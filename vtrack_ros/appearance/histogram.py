@@ -71,51 +71,6 @@ class ColourHistogram:
         result: NDArray[np.float64] = np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
         return result
 
-    def climb(self, frame: Frame, box: NDArray[np.float64], reference: NDArray[np.float64],
-              steps: int = 8) -> NDArray[np.float64]:
-        """
-        Return the place where the box's likeness has its nearest local maximum.
-
-        Mean shift with the weights sqrt(q / p) (Comaniciu et al. 2003, eq. 10); the size stays.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-            The image.
-        box : ndarray, shape (4,), [px]
-            (centre x, centre y, width, height).
-        reference : ndarray, shape (bins,)
-            The normalised histogram to compare with.
-        steps : int
-            At most that many.
-
-        Returns
-        -------
-        ndarray, shape (4,), [px]
-
-        """
-        offsets = _offsets(self.grid)
-        box = box.copy()
-        # the derivative of the profile 1 - r^2: the same everywhere on the ellipse, 0 around it
-        inside = self._weights > 0
-        for _ in range(steps):
-            index, left, top, stride = self._bin_image(frame, box[None])
-            if not index.size:
-                break
-            sampled = _sample(index, len(reference), _moved(box[None], left, top, stride),
-                              self.grid)[0]
-            histogram = np.bincount(sampled, self._weights, len(reference) + 1)
-            ratio = np.append(np.sqrt(reference / np.maximum(histogram[:-1], 1e-9)), 0.0)
-            weights = (ratio[sampled] * inside).reshape(self.grid, self.grid)
-            total = float(weights.sum())
-            if total <= 0:
-                break
-            step = np.array([weights.sum(0) @ offsets, weights.sum(1) @ offsets]) / total * box[2:]
-            box[:2] += step
-            if np.abs(step).max() < 0.3:
-                break
-        return box
-
     def histograms(self, frame: Frame, boxes: Boxes) -> NDArray[np.float64]:
         """Return the histograms, shape (N, bins), of sum <= 1: what's outside is missing."""
         index, left, top, stride = self._bin_image(frame, boxes)

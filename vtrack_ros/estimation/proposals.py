@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
@@ -124,6 +124,9 @@ class GreyProposal(Proposal):
     velocities : mapping of int to int, optional
         Which component is the derivative of which, e.g. `{2: 0, 3: 1}`: it is then forecast as
         the forecast change of that component over dt, in place of a series of its own.
+    steady : sequence of int, optional
+        Components that are expected to stay what they were last: of a series of small random
+        changes, a forecast is the noise, extrapolated.
 
     Raises
     ------
@@ -135,7 +138,8 @@ class GreyProposal(Proposal):
     def __init__(
             self, window: int = 5, floor: float = 1.0, margin: float | None = 10.0,
             spread: str = 'forecast', prior_share: float = 0.0,
-            densities: bool = True, velocities: Mapping[int, int] | None = None) -> None:
+            densities: bool = True, velocities: Mapping[int, int] | None = None,
+            steady: Sequence[int] = ()) -> None:
         self.window = checked_count('window', window, least=SHORTEST_SERIES)
         self.floor = checked_positive('floor', floor)
         self.margin = None if margin is None else checked_positive('margin', margin)
@@ -147,6 +151,7 @@ class GreyProposal(Proposal):
         self.prior_share = float(prior_share)
         self.densities = densities
         self.velocities = dict(velocities or {})
+        self.steady = list(steady)
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
@@ -189,8 +194,9 @@ class GreyProposal(Proposal):
         spacing = (times[-1] - times[0]) / (self.window - 1)
         steps = dt / spacing if spacing > 0 else 1.0
         latest = rows[-1]
+        known = (*self.velocities, *self.steady)
         forecast = [
-            latest[i] if i in self.velocities else series_forecast(series, steps, self.margin)
+            latest[i] if i in known else series_forecast(series, steps, self.margin)
             for i, series in enumerate(zip(*rows))]
         for velocity, position in self.velocities.items():
             forecast[velocity] = (forecast[position] - latest[position]) / dt

@@ -26,6 +26,7 @@ from vtrack_ros.trackers.observation import Conclusion, CueObservation, Observat
 Array = NDArray[np.float64]
 
 _VELOCITIES = {2: 0, 3: 1}
+_SIZES = (4, 5)
 
 PARTICLE_PARAMETERS = ParameterTable([
     Parameter('preset', 'default', "The paper's own cues, or the strongest that there are; in "
@@ -84,7 +85,7 @@ class ParticleTracker(Tracker):
         if parameters['preset'] == 'paper':
             self._observation: Observation = CueObservation(
                 str(parameters['cues']), str(parameters['fusion']), float(parameters['sigma']),
-                str(parameters['kernel']))
+                str(parameters['kernel']), self._steered)
         else:
             self._observation = DiscriminativeObservation(
                 DiscriminativeTarget(self._rng), float(parameters['temperature']),
@@ -190,7 +191,13 @@ class ColourParticleFilter(ParticleTracker):
 
 
 class GreyParticleFilter(ParticleTracker):
-    """GMPF: a grey forecast of the past estimates as the proposal [Zhu2012]."""
+    """
+    GMPF: a grey forecast of the past estimates as the proposal [Zhu2012].
+
+    Printed otherwise, and mended: eqs 14 and 16, see `estimation.grey`; the spread of eq. 17
+    holds the square of the motion but not the doubt about it, here it's that of the particles
+    moved on by the model; sizes aren't forecast, for what moves their series is noise.
+    """
 
     NAME = 'gmpf'
     SUMMARY = 'grey-prediction particle filter (GMPF)'
@@ -205,12 +212,12 @@ class GreyParticleFilter(ParticleTracker):
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         window, floor = int(self._parameters['window']), float(self._parameters['floor'])
-        if self._observation.sized:
-            return GreyProposal(window, floor, velocities=_VELOCITIES)
-        # as printed, a few wrong forecasts in a row carry all the particles away
-        return GreyProposal(window, floor, spread='predicted', velocities=_VELOCITIES,
-                            prior_share=float(self._parameters['prior_share']),
-                            densities=self._parameters['weighting'] == 'full')
+        sized = self._observation.sized
+        return GreyProposal(
+            window, floor, spread='predicted', velocities=_VELOCITIES,
+            steady=_SIZES if sized else (),
+            prior_share=0.0 if sized else float(self._parameters['prior_share']),
+            densities=self._parameters['weighting'] == 'full')
 
 
 class KalmanParticleFilter(ParticleTracker):
