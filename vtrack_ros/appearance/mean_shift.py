@@ -260,11 +260,10 @@ def _spread(center: Array, matrix: Array, points: Array) -> tuple[Array, Array]:
 def _colours(frame: Frame, x: Array, y: Array, levels: int) -> Bins:
     """Return the colours at points; outside the frame, one more than there are."""
     height, width = frame.shape[:2]
-    column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    outside = (column < 0) | (row < 0) | (column >= width) | (row >= height)
-    beyond = outside.any()
-    index = row * width + column
+    beyond = x.min() < 0 or y.min() < 0 or x.max() >= width or y.max() >= height
+    index = y.astype(np.intp) * width + x.astype(np.intp)
     if beyond:
+        outside = (x < 0) | (y < 0) | (x >= width) | (y >= height)
         index[outside] = 0
     channels = frame.size // (height * width)
     flat, first = frame.ravel(), index * channels

@@ -37,7 +37,7 @@ _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.4, 0.1
 #: Width of the likelihood that the covariance is of, and errors in units of the size.
 _LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.33, 0.3
 
-_STENCIL = np.array([(x, y) for x in (-0.5, 0.0, 0.5) for y in (-0.5, 0.0, 0.5)])
+_STENCIL = np.array([(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)])
 
 
 class ColourMeanShift:
@@ -108,10 +108,10 @@ class ColourMeanShift:
     def _tracked(self, frame: Frame, points: Array) -> tuple[Array | None, float]:
         """Return the fused place and the likeness there."""
         climbed = self._colours.climb(frame, self._center, self._matrix)
-        zeta = float(self._score(frame, climbed[None])[0])
+        scores = self._score(frame, np.concatenate([climbed[None], points]))
+        zeta, scores = float(scores[0]), scores[1:]
         if not len(points):
             return climbed, zeta
-        scores = self._score(frame, points)
         best = points[int(scores.argmax())]
         axis = axes_of_bandwidth(self._bandwidth)[0]
         place = fused(zeta, _point(climbed), _point(best), SIGMA, axis, self.settings)
@@ -244,7 +244,7 @@ class ColourMeanShift:
             side**2 * (1 + self._searched))
         state = TrackState.TRACKING
         if self._searched:
-            zeta = float(self._score(frame, self._center[None])[0])
+            zeta = float(scores[0])
             lost = self._searched > _LOST_FRAMES
             state = TrackState.LOST if lost else TrackState.SEARCHING
         likeness = (zeta - self._floor) / (1 - self._floor)
@@ -264,7 +264,7 @@ def bounded_frame(matrix: Array, first: Array) -> Array:
     Parameters
     ----------
     matrix, first : ndarray, shape (2, 2), [px]
-        The frame, and the one that it may not leave too far.
+        The frame, and the one that it may not leave too far: a box's, which is diagonal.
 
     Returns
     -------
@@ -274,7 +274,7 @@ def bounded_frame(matrix: Array, first: Array) -> Array:
 
     """
     left, axes, right = np.linalg.svd(matrix)
-    reference = np.linalg.svd(first, compute_uv=False)
+    reference = np.sort(first.diagonal())[::-1]
     ratio = reference[0] / reference[1]
     mean = math.sqrt(axes[0] * axes[1])
     usual = math.sqrt(reference[0] * reference[1])
