@@ -196,7 +196,9 @@ class GreyParticleFilter(ParticleTracker):
 
     Printed otherwise, and mended: eqs 14 and 16, see `estimation.grey`; the spread of eq. 17
     holds the square of the motion but not the doubt about it, here it's that of the particles
-    moved on by the model; sizes aren't forecast, for what moves their series is noise.
+    moved on by the model; sizes aren't forecast, for what moves their series is noise; a share of
+    the particles comes from the transition prior, as in Chen et al. (2009), which the paper
+    cites, for a few wrong forecasts in a row carry all others away.
     """
 
     NAME = 'gmpf'
@@ -204,20 +206,19 @@ class GreyParticleFilter(ParticleTracker):
     PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
         Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
                   unit='frames'),
-        Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws '
-                  '(default preset).', 0.0, 0.9),
+        Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws; '
+                  'the paper has none.', 0.0, 0.9),
         Parameter('floor', 1.0, "How much of the process noise is added to the proposal's "
                   'covariance.', 0.001, 100.0),
     ])
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
-        window, floor = int(self._parameters['window']), float(self._parameters['floor'])
-        sized = self._observation.sized
+        parameters = self._parameters
         return GreyProposal(
-            window, floor, spread='predicted', velocities=_VELOCITIES,
-            steady=_SIZES if sized else (),
-            prior_share=0.0 if sized else float(self._parameters['prior_share']),
-            densities=self._parameters['weighting'] == 'full')
+            int(parameters['window']), float(parameters['floor']), spread='predicted',
+            prior_share=float(parameters['prior_share']),
+            densities=parameters['weighting'] == 'full', velocities=_VELOCITIES,
+            steady=_SIZES if self._observation.sized else ())
 
 
 class KalmanParticleFilter(ParticleTracker):
