@@ -31,9 +31,10 @@ _COLOUR_WEIGHT = 0.3
 #: An example that is off the middle by more than this many cells is sampled anew.
 _CENTRED = 2.0
 
+#: Weights of an example in the running averages.
 _RATE = 0.02
-_COLOUR_RATE = 0.04
-_SCALE_RATE = 0.0125
+_COLOUR_RATE = 0.08
+_SCALE_RATE = 0.025
 
 Point = tuple[float, float]
 
@@ -202,24 +203,25 @@ class TargetModel:
         factor, steps = self.scale.peak(self.scale.response(spectrum))
         return factor, steps, spectrum
 
-    def learned(self, view: View, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> TargetModel:
+    def learned(self, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> TargetModel:
         """
-        Return the model after learning place and colour from a view.
+        Return the model after learning what the target looks like from a view.
 
         Parameters
         ----------
-        view : View
-            The window that was looked at.
         spectrum : ndarray of complex64
             The view's.
         shift : tuple of float, [cells]
             The target's place from the view's centre.
 
         """
-        return TargetModel(
-            self.layout, self.correlation.learned(spectrum, _RATE, shift),
-            self.foreground.learned(view.colours, self._rectangle(shift), _COLOUR_RATE),
-            self.scale)
+        return TargetModel(self.layout, self.correlation.learned(spectrum, _RATE, shift),
+                           self.foreground, self.scale)
+
+    def learned_colours(self, view: View, shift: Point = (0.0, 0.0)) -> TargetModel:
+        """Return the model after learning the target's colours from a view."""
+        foreground = self.foreground.learned(view.colours, self._rectangle(shift), _COLOUR_RATE)
+        return TargetModel(self.layout, self.correlation, foreground, self.scale)
 
     def learned_scale(self, spectrum: NDArray[np.complex64], steps: float) -> TargetModel:
         """Return the model after learning the scale, from what `growth` returned."""
