@@ -93,21 +93,41 @@ def step_edge(angle, side=48, low=60.0, high=180.0):
     return (low + (high - low) / (1 + np.exp(-distance))).astype(np.uint8)
 
 
+def directions(features):
+    """Return the 18 signed orientations, from their sums and differences."""
+    sums, differences = features[:9] / math.sqrt(1.5), features[9:] / math.sqrt(0.5)
+    return np.concatenate([sums + differences, sums - differences]) / 2
+
+
 @pytest.mark.parametrize('bin_', range(18))
 def test_an_edges_direction_is_its_bin(bin_):
     """18 signed orientations of 20 degrees from x to y; 9 unsigned ones without the sign."""
     features = oriented_gradients(step_edge(2 * math.pi * bin_ / 18), 4)
     middle = features[:, 5:7, 5:7].sum(axis=(1, 2))
-    assert middle[:18].argmax() == bin_
-    assert middle[18:].argmax() == bin_ % 9
+    assert directions(middle).argmax() == bin_
+    assert middle[:9].argmax() == bin_ % 9
+
+
+def test_scalar_products_are_those_of_signed_and_unsigned_orientations():
+    """Eighteen channels stand for twenty-seven."""
+    rng = np.random.default_rng(3)
+    first, second = (oriented_gradients(
+        cv2.GaussianBlur(rng.integers(256, size=(40, 40), dtype=np.uint8), (0, 0), 2), 4)
+        for _ in range(2))
+    both = []
+    for features in (first, second):
+        signed = directions(features)
+        both.append(np.concatenate([signed, signed[:9] + signed[9:]]))
+    np.testing.assert_allclose(
+        (first * second).sum(axis=0), (both[0] * both[1]).sum(axis=0), rtol=1e-4)
 
 
 def test_gradients_dont_depend_on_contrast():
     """Half the contrast, nearly the same features; a flat image has none at all."""
-    strong = oriented_gradients(step_edge(0.7, low=20, high=240), 4)
-    weak = oriented_gradients(step_edge(0.7, low=75, high=185), 4)
-    assert strong.shape == (CHANNELS, 12, 12) and CHANNELS == 27
-    assert strong.min() >= 0 and strong.max() <= 0.4 + 1e-6
+    strong = directions(oriented_gradients(step_edge(0.7, low=20, high=240), 4))
+    weak = directions(oriented_gradients(step_edge(0.7, low=75, high=185), 4))
+    assert strong.shape == (CHANNELS, 12, 12) and CHANNELS == 18
+    assert strong.min() >= -1e-6 and strong.max() <= 0.4 + 1e-6
     where = strong > 0.1
     assert where.any()
     np.testing.assert_allclose(weak[where], strong[where], rtol=0.25)
@@ -119,7 +139,7 @@ def test_an_edge_moves_its_cell_only():
     image = np.full((40, 40), 80, np.uint8)
     image[21:23, 17:19] = 250
     features = oriented_gradients(image, 4)
-    strength = features.sum(axis=0)
+    strength = np.abs(features).sum(axis=0)
     assert strength[5, 4] == strength.max()
     assert not strength[:3].any() and not strength[:, 8:].any()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,14 +104,20 @@ class CorrelationFilter:
 
         """
         # a sum over products: einsum is three times as slow with complex numbers
-        products = self.numerator.conj()
-        products *= spectrum
-        correlated = products.sum(axis=0)
-        correlated /= self.denominator + np.float32(self.regularisation)
+        correlated = np.add.reduce(self._conjugate * spectrum)
+        correlated /= self._divisor
         over_rows, over_columns = _inverse_transform(*self.taper.shape)
         half: Spectrum = over_rows[rows] @ correlated
         response: NDArray[np.float32] = half.view(np.float32) @ over_columns[:, columns]
         return response
+
+    @cached_property
+    def _conjugate(self) -> Spectrum:
+        return self.numerator.conj()
+
+    @cached_property
+    def _divisor(self) -> NDArray[np.float32]:
+        return self.denominator + np.float32(self.regularisation)
 
 
 @lru_cache(maxsize=32)

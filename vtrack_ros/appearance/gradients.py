@@ -13,7 +13,7 @@ from vtrack_ros.frame import Frame
 _SIGNED = 18
 _UNSIGNED = 9
 #: Channels of `oriented_gradients`.
-CHANNELS = _SIGNED + _UNSIGNED
+CHANNELS = _SIGNED
 #: No channel grows beyond this share of its block's energy [Dalal and Triggs 2005, sec. 6.4].
 _TRUNCATION = 0.2
 #: Gradient, in grey levels, below which a cell counts as noise and isn't amplified.
@@ -26,8 +26,10 @@ def oriented_gradients(
     """
     Return contrast-normalised histograms of gradient orientation.
 
-    18 signed and 9 unsigned orientations a cell, as in Felzenszwalb et al. (2010), with one block
-    of 3 x 3 cells for the normalisation in place of their four of 2 x 2.
+    The 18 signed and 9 unsigned orientations a cell of Felzenszwalb et al. (2010), with one block
+    of 3 x 3 cells for the normalisation in place of their four of 2 x 2, folded into 18 channels
+    that have the same scalar products: with s and t in opposite directions, those of (s, t, s + t)
+    are those of `(sqrt(3/2) (s + t), sqrt(1/2) (s - t))`.
 
     Parameters
     ----------
@@ -35,13 +37,14 @@ def oriented_gradients(
         The image.
     cell : int, [px]
         Side of a cell.
-    out : ndarray of float32, shape (27, rows, columns), optional
+    out : ndarray of float32, shape (18, rows, columns), optional
         Where the result is put.
 
     Returns
     -------
-    ndarray of float32, shape (27, rows, columns)
-        In [0, 0.4].
+    ndarray of float32, shape (18, rows, columns)
+        Nine sums, then nine differences, of the directions from 0 to 160 degrees and those
+        opposite to them; magnitudes below 1.
 
     """
     rows, columns = grey.shape[0] // cell, grey.shape[1] // cell
@@ -58,18 +61,21 @@ def oriented_gradients(
     magnitude = np.sqrt(along_x, out=along_x)
     counted = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * (_SIGNED + 1))
     histogram = counted.reshape(_SIGNED + 1, rows, columns)
-    result: NDArray[np.float32] = (
-        np.empty((CHANNELS, rows, columns), np.float32) if out is None else out)
-    result[:_SIGNED] = histogram[:_SIGNED]
-    result[0] += histogram[_SIGNED]
-    unsigned = result[_SIGNED:]
-    np.add(result[:_UNSIGNED], result[_UNSIGNED:_SIGNED], out=unsigned)
-    energy = np.add.reduce(unsigned * unsigned)
-    block = cv2.blur(energy, (3, 3), borderType=cv2.BORDER_REPLICATE)
+    signed = histogram[:_SIGNED].astype(np.float32)
+    signed[0] += histogram[_SIGNED]
+    forth, back = signed[:_UNSIGNED], signed[_UNSIGNED:]
+    unsigned = forth + back
+    unsigned *= unsigned
+    block = cv2.blur(np.add.reduce(unsigned), (3, 3), borderType=cv2.BORDER_REPLICATE)
     block += np.float32((cell * _NOISE / 2)**2)
     np.sqrt(block, out=block)
-    result *= np.reciprocal(block, out=block)
-    np.minimum(result, np.float32(2 * _TRUNCATION), out=result)
+    block *= np.float32(np.sqrt(2))
+    signed *= np.reciprocal(block, out=block)
+    np.minimum(signed, np.float32(np.sqrt(2) * _TRUNCATION), out=signed)
+    result: NDArray[np.float32] = np.empty_like(signed) if out is None else out
+    np.add(forth, back, out=result[:_UNSIGNED])
+    result[:_UNSIGNED] *= np.float32(np.sqrt(3))
+    np.subtract(forth, back, out=result[_UNSIGNED:])
     return result
 
 

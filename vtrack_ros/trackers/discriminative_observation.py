@@ -34,7 +34,7 @@ class DiscriminativeObservation(Observation):
     """
 
     sized = False
-    center_error, size_error = 0.07, 0.10
+    unknown = np.diag([0.07**2, 0.07**2, 0.10**2, 0.10**2])
 
     def __init__(self, target: DiscriminativeTarget, temperature: float,
                  measuring: bool) -> None:

@@ -74,10 +74,9 @@ class Observation(ABC):
 
     #: Whether the particles have sizes of their own.
     sized: bool
-    #: Standard deviations of centre and size that the particles don't know of, as shares of the
-    #: target's mean side.
-    center_error: float
-    size_error: float
+    #: Covariance of (centre x, centre y, width, height) that the particles don't know of, in
+    #: units of the target's area.
+    unknown: Array
 
     @abstractmethod
     def start(self, frame: Frame, box: Array) -> None:
@@ -135,7 +134,7 @@ class CueObservation(Observation):
     """
 
     sized = True
-    center_error, size_error = 0.33, 0.3
+    unknown = np.diag([0.33**2, 0.33**2, 0.3**2, 0.3**2])
 
     def __init__(self, cues: str, fusion: str, sigma: float, kernel: str,
                  measuring: bool) -> None:

@@ -171,12 +171,10 @@ class ParticleTracker(Tracker):
 
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box
-        observation = self._observation
-        floor = np.diag([observation.center_error**2] * 2 + [observation.size_error**2] * 2)
-        floor *= width * height
+        unknown = width * height * self._observation.unknown
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
-            covariance=covariance + floor, confidence=conclusion.confidence,
+            covariance=covariance + unknown, confidence=conclusion.confidence,
             state=conclusion.state, particles=boxes)
 
 
