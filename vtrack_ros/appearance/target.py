@@ -21,7 +21,7 @@ _CELL = 3
 #: Side of a cell in pixels of the foreground model.
 _DETAIL = 2
 #: Cells of the window, all together.
-_CELLS = 20 * 20
+_CELLS = 22 * 22
 #: Width of the surroundings in the window, as a share of the target's mean side.
 _CONTEXT = 1.5
 #: Standard deviation of the wanted response, as a share of the target's size.
