@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -73,10 +73,14 @@ class ForegroundModel:
 
     def probability(self, colours: Colours) -> NDArray[np.float32]:
         """Return each colour's probability of being the target's, of the same shape."""
+        return self._probabilities.take(colours)
+
+    @cached_property
+    def _probabilities(self) -> NDArray[np.float32]:
         table = self.target + self.surroundings
         table += np.float32(_PRIOR)
         np.divide(self.target, table, out=table)
-        return table.take(colours)
+        return table
 
 
 def colour_index(pixels: Frame) -> Colours:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -111,12 +112,14 @@ class ScaleFilter:
 
     def response(self, spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
         """Return the response to each factor, shape (scales,)."""
-        products = self.numerator.conj()
-        products *= spectrum
-        correlated = products.sum(axis=1)
+        correlated = (self._conjugate * spectrum).sum(axis=1)
         correlated /= self.denominator + np.float32(_REGULARISATION)
         response: NDArray[np.float32] = correlated.view(np.float32) @ self.synthesis
         return response
+
+    @cached_property
+    def _conjugate(self) -> NDArray[np.complex64]:
+        return self.numerator.conj()
 
     def peak(self, response: NDArray[np.float32]) -> tuple[float, float]:
         """Return the best factor, refined by a parabola, and its steps from the middle."""

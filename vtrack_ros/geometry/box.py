@@ -40,8 +40,7 @@ class Box:
 
     def __post_init__(self) -> None:
         """Convert the values to float and check them."""
-        for name in ('x', 'y', 'width', 'height'):
-            value = getattr(self, name)
+        for name, value in tuple(self.__dict__.items()):
             try:
                 number = float(value)
             except (TypeError, ValueError):
@@ -49,7 +48,8 @@ class Box:
                     f'box {name} must be a number of pixels, not {value!r}') from None
             if not math.isfinite(number):
                 raise ValueError(f'box {name} must be finite, not {number}')
-            object.__setattr__(self, name, number)
+            if number is not value:
+                object.__setattr__(self, name, number)
         if self.width <= 0 or self.height <= 0:
             raise ValueError(
                 f'box width and height must be positive, not {self.width:g} x {self.height:g}')

@@ -50,8 +50,10 @@ class DiscriminativeObservation(Observation):
 
     def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
         """Make the evidence map; the measured centre is its maximum."""
-        x, y = box[:2] + _LEAD * (predicted[:2] - box[:2])
-        self._sighting = self.target.look(frame, (float(x), float(y)))
+        x, y = box[:2].tolist()
+        predicted_x, predicted_y = predicted[:2].tolist()
+        self._sighting = self.target.look(
+            frame, (x + _LEAD * (predicted_x - x), y + _LEAD * (predicted_y - y)))
         if self.target.out_of_sight_frames or not self._measuring:
             return None
         usual = max(self.target.live.evidence_mean, 1e-6)
@@ -63,9 +65,9 @@ class DiscriminativeObservation(Observation):
         """Return the evidence at the centres, on the scale of the temperature."""
         assert self._sighting is not None
         usual = max(self.target.live.evidence_mean, 1e-6)
-        evidence = self._sighting.at(boxes[:, :2])
-        result: Array = (evidence - self._sighting.peak) / (self.temperature * usual)
-        return result
+        evidence: Array = self._sighting.at(boxes[:, :2]).astype(np.float64)
+        evidence *= 1 / (self.temperature * usual)
+        return evidence
 
     def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
         """Settle on the evidence's maximum next to the particles' mean."""

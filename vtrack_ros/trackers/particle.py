@@ -170,7 +170,7 @@ class ParticleTracker(Tracker):
         return boxes
 
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
-        center_x, center_y, width, height = conclusion.box
+        center_x, center_y, width, height = conclusion.box.tolist()
         unknown = width * height * self._observation.unknown
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
