@@ -111,3 +111,14 @@ def test_its_colours_tell_where_to_search(there):
     for _ in range(5):
         x, y = target._coloured_place(video.frame(there), target.live)
         assert abs(x - there[0]) < TARGET[0] / 2 and abs(y - there[1]) < TARGET[1] / 2
+
+
+@pytest.mark.parametrize('likeness', [-1000.0, -20.0, 0.0, 20.0, 1000.0])
+def test_confidence_is_a_share_whatever_the_likeness(likeness):
+    """A place that speaks wildly against the target is no reason to stop."""
+    video = DrawnVideo()
+    target = DiscriminativeTarget(np.random.default_rng(0))
+    target.start(video.frame((160.0, 110.0)), (160.0, 110.0), TARGET)
+    target.likeness = likeness
+    assert 0 <= target.confidence <= 1
+    assert target.confidence == pytest.approx(float(likeness > 0), abs=0.02)

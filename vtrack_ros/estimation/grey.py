@@ -142,7 +142,7 @@ def _forecast(series: list[float], steps: float) -> float:
         variance += (accumulated - centre)**2
         covariance += (accumulated - centre) * value
     # all of the series may lie in its first value, to machine precision: it has no slope then
-    a = -covariance / variance if variance else 0.0
+    a = min(max(-covariance / variance, -2.0), 2.0) if variance else 0.0
     b = (total - first) / len(later) + a * centre
     ratio = math.expm1(a) / a if a else 1.0
     return (b - a * first) * math.exp(min(-a * (len(later) + steps), _LARGEST)) * ratio

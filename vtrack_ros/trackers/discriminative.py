@@ -94,7 +94,9 @@ class DiscriminativeTarget:
     @property
     def confidence(self) -> float:
         """How sure it is that the live place is the target's, in [0, 1]."""
-        return 1 / (1 + math.exp(-(self.likeness - self._even_likeness) / _LIKENESS_SPREAD))
+        # the logistic function, without its overflow
+        return 0.5 + 0.5 * math.tanh(
+            (self.likeness - self._even_likeness) / (2 * _LIKENESS_SPREAD))
 
     @property
     def _even_likeness(self) -> float:
