@@ -85,8 +85,6 @@ class View:
     ----------
     center, size : tuple of float, [px]
         The window's centre in the frame, and the size of a target that fills its middle.
-    pixels : ndarray of uint8, shape (3 * rows, 3 * columns[, 3])
-        The colours.
     grey : ndarray of uint8, shape (3 * rows, 3 * columns)
         The image.
     colours : ndarray of int, shape (2 * rows, 2 * columns)
@@ -97,7 +95,6 @@ class View:
 
     center: Point
     size: Point
-    pixels: Frame
     grey: Frame
     colours: Colours
     features: NDArray[np.float32]
@@ -161,7 +158,7 @@ class TargetModel:
         features[gradients.CHANNELS] -= 0.5
         if colour:
             features[gradients.CHANNELS + 1:] = colour_names.colour_names(tiny)
-        return View(center, size, pixels, grey, colour_index(small), features)
+        return View(center, size, grey, colour_index(small), features)
 
     def transform(self, view: View) -> Spectrum:
         """Return the spectrum of a view's features."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from vtrack_ros.estimation.validation import FloatArray
 from vtrack_ros.estimation.weights import Weights
 
@@ -71,6 +69,27 @@ class Belief:
 
     def spread_about(self, centre: FloatArray) -> FloatArray:
         """Return `sum_i w_i (x_i - c)(x_i - c)^T` about a centre c, shape (n, n)."""
-        deviation = self.states - centre
-        spread: FloatArray = (deviation * self.weights.values[:, np.newaxis]).T @ deviation
-        return spread
+        return spread_about(centre, self.states, self.weights.values)
+
+
+def spread_about(centre: FloatArray, states: FloatArray, weights: FloatArray) -> FloatArray:
+    """
+    Return `sum_i w_i (x_i - c)(x_i - c)^T`.
+
+    Parameters
+    ----------
+    centre : ndarray, shape (n,)
+        c.
+    states : ndarray, shape (N, n)
+        x_i.
+    weights : ndarray, shape (N,)
+        w_i, with sum one.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+
+    """
+    deviation = states - centre
+    spread: FloatArray = (deviation.T * weights) @ deviation
+    return spread

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.belief import Belief, spread_about
 from vtrack_ros.estimation.gaussian import GaussianNoise
 from vtrack_ros.estimation.grey import series_forecast, SHORTEST_SERIES
 from vtrack_ros.estimation.model import StateSpaceModel
@@ -209,8 +209,8 @@ class GreyProposal(Proposal):
         states, weights = belief.states, belief.weights.values
         if self.spread == 'predicted':
             states = predicted
-        deviation = states - (forecast if self.spread == 'forecast' else weights @ states)
-        covariance = (deviation.T * weights) @ deviation
+        centre = forecast if self.spread == 'forecast' else weights @ states
+        covariance = spread_about(centre, states, weights)
         covariance += self.floor * model.process_error(dt).covariance
         try:
             return GaussianNoise.from_covariance(covariance)

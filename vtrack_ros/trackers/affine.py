@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.appearance.keypoint_memory import KeypointMemory
 from vtrack_ros.appearance.keypoints import KeypointDetector, PoseChange
+from vtrack_ros.estimation.belief import spread_about
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.parameters import Parameter, ParameterTable
@@ -214,8 +215,7 @@ class AffineTracker(Tracker):
             live = self._target.target.live
             shown = np.array([*live.center, *live.size])
         # about the box that's reported, which isn't always the particles' mean
-        spread = boxes - shown
-        covariance = (spread * weights[:, None]).T @ spread
+        covariance = spread_about(shown, boxes, weights)
         frame = self._state @ np.diag([*self._size, 1.0])
         angle = float(affine.angle(self._state))
         if self._target is not None:

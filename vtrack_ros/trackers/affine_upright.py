@@ -106,7 +106,7 @@ class UprightTarget:
         """
         assert self._sighting is not None
         usual = max(self.target.live.evidence_mean, 1e-6)
-        evidence: Array = self._sighting.at(self._into_upright(points)).astype(np.float64)
+        evidence = self._sighting.at(self._into_upright(points))
         result: Array = (evidence - self._sighting.peak) / (temperature * usual)
         return result
 

@@ -65,7 +65,7 @@ class DiscriminativeObservation(Observation):
         """Return the evidence at the centres, on the scale of the temperature."""
         assert self._sighting is not None
         usual = max(self.target.live.evidence_mean, 1e-6)
-        evidence: Array = self._sighting.at(boxes[:, :2]).astype(np.float64)
+        evidence: Array = self._sighting.at(boxes[:, :2])
         evidence *= 1 / (self.temperature * usual)
         return evidence
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.fusion import FUSION_RULES, reliability
 from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
 from vtrack_ros.appearance.motion_edge import MotionEdge
+from vtrack_ros.estimation.belief import spread_about
 from vtrack_ros.frame import Frame
 from vtrack_ros.trackers.base import TrackState
 
@@ -171,8 +172,7 @@ class CueObservation(Observation):
         weights /= weights.sum()
         places = boxes[:, :2]
         center = weights @ places
-        offsets = places - center
-        covariance = (weights[:, None] * offsets).T @ offsets
+        covariance = spread_about(center, places, weights)
         return Measurement(center, covariance + (_CUE_ERROR * side)**2 * np.eye(2))
 
     def log_likelihood(self, boxes: Boxes) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.fusion import FUSION_RULES
 from vtrack_ros.estimation import (
     ConstantVelocity, GaussianNoise, GreyProposal, ParticleFilter, PriorProposal, Proposal)
+from vtrack_ros.estimation.belief import spread_about
 from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
 from vtrack_ros.estimation.kalman import KalmanFilter
 from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
@@ -118,8 +119,7 @@ class ParticleTracker(Tracker):
             self._restart()
         else:
             self._correct(conclusion.box)
-        deviation = boxes - mean
-        return self._estimate(conclusion, (deviation.T * weights) @ deviation, boxes)
+        return self._estimate(conclusion, spread_about(mean, boxes, weights), boxes)
 
     def _adapt(self) -> None:
         """Make the model of motion anew when the target's size, or a parameter, has changed."""

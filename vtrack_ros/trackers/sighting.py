@@ -72,13 +72,14 @@ class Sighting:
         cells += middle[0] - center[0] / cell[0], middle[1] - center[1] / cell[1]
         return cells
 
-    def at(self, points: NDArray[np.float64]) -> NDArray[np.float32]:
+    def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the evidence at points, shape (N, 2) in pixels; 0 beyond the window."""
         cells = self.cells(points).astype(np.float32)
-        values: NDArray[np.float32] = cv2.remap(
+        values = cv2.remap(
             self.evidence, cells[:, None], None, cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-        return values[:, 0]
+        result: NDArray[np.float64] = values[:, 0].astype(np.float64)
+        return result
 
     def climb(self, start: Point) -> Point:
         """Return the local maximum of the evidence that is uphill from a place, in pixels."""
