@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 import scipy.fft
 
 from vtrack_ros.appearance.correlation import (
     CorrelationFilter, parabola_offset, subcell_offset, subcell_peak)
-from vtrack_ros.appearance.scale import ScaleFilter
 
 ROWS, COLUMNS, WIDTH = 20, 24, 1.5
 
@@ -117,34 +115,6 @@ def test_a_subcell_peak_in_two_dimensions():
     value, column, row = subcell_peak(response)
     assert value == pytest.approx(response.max())
     assert (column, row) == (pytest.approx(6.3, abs=1e-5), pytest.approx(3.8, abs=1e-5))
-
-
-@pytest.mark.parametrize('size', [(40.0, 40.0), (60.0, 30.0), (160.0, 120.0)])
-@pytest.mark.parametrize('factor', [0.93, 1.0, 1.05, 1.12])
-def test_the_scale_filter_finds_a_known_factor(size, factor):
-    """A picture enlarged about the target's centre by a known factor, to 2 %."""
-    noise = np.random.default_rng(0).normal(size=(300, 300))
-    smooth = cv2.GaussianBlur(noise, (0, 0), 4)
-    picture = (128 + 50 * smooth / smooth.std()).clip(0, 255).astype(np.uint8)
-    center = (150.0, 150.0)
-    matrix = np.array([[factor, 0, 149.5 * (1 - factor)], [0, factor, 149.5 * (1 - factor)]])
-    grown = cv2.warpAffine(picture, matrix, (300, 300), borderMode=cv2.BORDER_REFLECT)
-    empty = ScaleFilter.create(*size)
-    filter_ = empty.learned(empty.transform(picture, center), 1.0)
-    found, steps = filter_.peak(filter_.response(filter_.transform(grown, center)))
-    assert found == pytest.approx(factor, rel=0.02)
-    assert found == pytest.approx(1.025**steps)
-    # learned as off the middle by what was found, it answers with the middle again
-    again = empty.learned(empty.transform(grown, center), 1.0, steps)
-    back, _ = again.peak(again.response(again.transform(picture, center)))
-    assert back == pytest.approx(1.0, abs=0.03)
-
-
-def test_scale_factors_are_a_geometric_series_about_one():
-    """17 factors, 1.025 apart, one in the middle."""
-    filter_ = ScaleFilter.create(50.0, 30.0)
-    assert len(filter_.factors) == 17 and filter_.factors[8] == 1
-    np.testing.assert_allclose(filter_.factors[1:] / filter_.factors[:-1], 1.025)
 
 
 @pytest.mark.parametrize('rows, columns', [(8, 8), (20, 24), (18, 30)])

@@ -1,77 +1,69 @@
-"""A one-dimensional correlation filter over the target's scale."""
+"""How much a target grew: a linear regression from what it looks like."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.correlation import inverse_of_half, parabola_offset
 from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
 from vtrack_ros.frame import Frame
 
 _CELL = 4
-_AREA = 400
-_REGULARISATION = 1e-2
+#: Samples of one look, at most.
+_AREA = 1200
+#: Side of the region that is looked at, in units of the target's: its outline has to be in it.
+_REACH = 1.4
+#: Logarithms of the scales whose look is learned, and of the scale of a look.
+_EXAMPLES = 0.1 * np.arange(-2, 3)
+_AS_IT_IS = np.zeros(1)
+#: Ridge, as a share of the examples' mean energy.
+_RIDGE = 0.1
 
 
 @dataclass(frozen=True)
-class ScaleFilter:
+class ScaleRegression:
     """
-    Tells by which factor the target grew [Danelljan et al. 2014, sec. 3.2].
+    Tells by which factor the target grew.
+
+    A hyperplane tracker [Jurie and Dhome 2002] for one parameter: what the target would look like
+    if the box were too small or too large is known by resampling one image, and ridge regression
+    finds the weights with which the difference of looks gives the logarithm of the size's error.
 
     Parameters
     ----------
-    factors : ndarray, shape (scales,)
-        The scale factors that are compared, a geometric series about 1.
-    grid : ndarray, shape (2, scales * rows, columns), [px]
-        Sample points (x, y) of all scales, one below the other, from the target's centre.
-    numerator : ndarray of complex64, shape (scales // 2 + 1, features)
-    denominator : ndarray of float32, shape (scales // 2 + 1,)
-    label : ndarray of complex64, shape (scales // 2 + 1,)
-    analysis : ndarray of float32, shape (2 * (scales // 2 + 1), scales)
-        Tapered Fourier transform over the scales as a matrix: the real parts, then the imaginary
-        ones.
-    synthesis : ndarray of float32, shape (2 * (scales // 2 + 1), scales)
-        Of `inverse_of_half`.
+    grid : ndarray of float32, shape (2, rows, columns), [px]
+        Sample points (x, y) of one look, from the target's centre.
+    examples : ndarray of float32, shape (examples, features)
+        Running average of the looks at all scales.
+    weights : ndarray of float32, shape (features,)
+    offset : float
+        An estimate is `weights @ look + offset`.
 
     """
 
-    factors: NDArray[np.float64]
     grid: NDArray[np.float32]
-    numerator: NDArray[np.complex64]
-    denominator: NDArray[np.float32]
-    label: NDArray[np.complex64]
-    analysis: NDArray[np.float32]
-    synthesis: NDArray[np.float32]
+    examples: NDArray[np.float32]
+    weights: NDArray[np.float32]
+    offset: float
 
     @classmethod
-    def create(cls, width: float, height: float, scales: int = 17, step: float = 1.025,
-               ) -> ScaleFilter:
-        """Make an empty filter for a target of that size in the images to come, in pixels."""
+    def create(cls, width: float, height: float) -> ScaleRegression:
+        """Make an empty regression for a target of that size in the images to come, in pixels."""
+        width, height = _REACH * width, _REACH * height
         shrink = np.sqrt(min(1.0, _AREA / (width * height)))
         columns, rows = (max(2, round(side * shrink / _CELL)) * _CELL for side in (width, height))
-        steps = np.arange(scales) - scales // 2
-        factors = step**steps.astype(np.float64)
-        x = width * ((np.arange(columns) + 0.5) / columns - 0.5)
-        y = height * ((np.arange(rows) + 0.5) / rows - 0.5)
-        shape = (scales, rows, columns)
-        grid = np.stack([
-            np.broadcast_to(axis * factors[:, None, None], shape).reshape(-1, columns) - 0.5
-            for axis in (x[None, None, :], y[None, :, None])])
-        label = np.fft.rfft(np.exp(-0.5 * (steps / (scales / 16))**2))
-        transform = np.fft.rfft(np.diag(np.hanning(scales + 2)[1:-1]), axis=0)
-        return cls(factors, grid.astype(np.float32), np.zeros((scales // 2 + 1, 1), np.complex64),
-                   np.zeros(scales // 2 + 1, np.float32), label.astype(np.complex64),
-                   np.concatenate([transform.real, transform.imag]).astype(np.float32),
-                   inverse_of_half(scales))
+        x, y = (side * ((np.arange(samples) + 0.5) / samples - 0.5)
+                for side, samples in ((width, columns), (height, rows)))
+        grid = np.stack(np.meshgrid(x, y)).astype(np.float32)
+        nothing = np.empty(0, np.float32)
+        return cls(grid, nothing, nothing, 0.0)
 
-    def transform(self, grey: Frame, center: tuple[float, float]) -> NDArray[np.complex64]:
+    def growth(self, grey: Frame, center: tuple[float, float]) -> float:
         """
-        Return the spectrum, over the scales, of the target's gradients.
+        Return the factor by which the target is larger than it was learned.
 
         Parameters
         ----------
@@ -81,51 +73,44 @@ class ScaleFilter:
             The target's centre in that image.
 
         """
-        stack = cv2.remap(
-            grey, self.grid[0] + np.float32(center[0]), self.grid[1] + np.float32(center[1]),
-            cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        scales = len(self.factors)
-        features = oriented_gradients(stack, _CELL).reshape(CHANNELS, scales, -1)
-        parts = self.analysis @ features.transpose(1, 0, 2).reshape(scales, -1)
-        spectrum = np.empty((scales // 2 + 1, parts.shape[1]), np.complex64)
-        spectrum.real, spectrum.imag = parts[:len(spectrum)], parts[len(spectrum):]
-        return spectrum
+        excess = float(self._looks(grey, center, _AS_IT_IS)[0] @ self.weights) + self.offset
+        return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
 
-    def learned(self, spectrum: NDArray[np.complex64], rate: float,
-                shift: float = 0.0) -> ScaleFilter:
-        """Return the filter after an example whose true scale is `shift` steps off the middle."""
-        label = self.label
-        if shift:
-            label = label * np.exp(
-                -2j * np.pi * shift * np.arange(len(label)) / len(self.factors)
-            ).astype(np.complex64)
-        numerator = (np.float32(rate) * np.conj(label))[:, None] * spectrum
-        parts = spectrum.view(np.float32)
-        denominator = np.float32(rate) * np.einsum('sf,sf->s', parts, parts)
+    def learned(self, grey: Frame, center: tuple[float, float], growth: float,
+                rate: float) -> ScaleRegression:
+        """
+        Return the regression after an example of the target, `growth` times as large as before.
+
+        Parameters
+        ----------
+        grey, center
+            As in `growth`.
+        growth : float
+            The factor.
+        rate : float
+            The example's weight in the running average; 1 forgets all that was before.
+
+        """
+        examples = self._looks(grey, center, _EXAMPLES + np.log(growth))
         if rate < 1:
-            keep = np.float32(1 - rate)
-            numerator += keep * self.numerator
-            denominator += keep * self.denominator
-        return ScaleFilter(
-            self.factors, self.grid, numerator, denominator, self.label, self.analysis,
-            self.synthesis)
+            examples *= np.float32(rate)
+            examples += np.float32(1 - rate) * self.examples
+        mean = examples.mean(axis=0)
+        differences = examples - mean
+        products = differences @ differences.T
+        ridge = _RIDGE * np.trace(products) / len(products) + 1e-6
+        dual = np.linalg.solve(products + ridge * np.eye(len(products)), _EXAMPLES)
+        weights = dual.astype(np.float32) @ differences
+        return ScaleRegression(self.grid, examples, weights, -float(mean @ weights))
 
-    def response(self, spectrum: NDArray[np.complex64]) -> NDArray[np.float32]:
-        """Return the response to each factor, shape (scales,)."""
-        correlated = (self._conjugate * spectrum).sum(axis=1)
-        correlated /= self.denominator + np.float32(_REGULARISATION)
-        response: NDArray[np.float32] = correlated.view(np.float32) @ self.synthesis
-        return response
-
-    @cached_property
-    def _conjugate(self) -> NDArray[np.complex64]:
-        return self.numerator.conj()
-
-    def peak(self, response: NDArray[np.float32]) -> tuple[float, float]:
-        """Return the best factor, refined by a parabola, and its steps from the middle."""
-        best = int(response.argmax())
-        place = float(best)
-        if 0 < best < len(response) - 1:
-            place += parabola_offset(*(float(response[best + i]) for i in (-1, 0, 1)))
-        steps = place - len(response) // 2
-        return float((self.factors[1] / self.factors[0])**steps), steps
+    def _looks(self, grey: Frame, center: tuple[float, float],
+               scales: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the gradients, shape (scales, features), at logarithms of scale."""
+        columns = self.grid.shape[2]
+        factors = np.exp(scales).astype(np.float32)[:, None, None]
+        # OpenCV counts from the centre of a pixel, boxes from its outer corner
+        x, y = ((factors * axis + np.float32(middle - 0.5)).reshape(-1, columns)
+                for axis, middle in zip(self.grid, center))
+        stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        features = oriented_gradients(stack, _CELL).reshape(CHANNELS, len(scales), -1)
+        return features.transpose(1, 0, 2).reshape(len(scales), -1)

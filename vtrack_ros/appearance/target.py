@@ -12,7 +12,7 @@ from vtrack_ros.appearance import colour_names, gradients
 from vtrack_ros.appearance.correlation import CorrelationFilter, Spectrum
 from vtrack_ros.appearance.foreground import (
     box_mean, colour_index, Colours, ForegroundModel, Rectangle)
-from vtrack_ros.appearance.scale import ScaleFilter
+from vtrack_ros.appearance.scale import ScaleRegression
 from vtrack_ros.appearance.window import sample_window
 from vtrack_ros.frame import Frame
 
@@ -34,7 +34,7 @@ _CENTRED = 2.0
 #: Weights of an example in the running averages.
 _RATE = 0.02
 _COLOUR_RATE = 0.08
-_SCALE_RATE = 0.025
+_SCALE_RATE = 0.05
 
 Point = tuple[float, float]
 
@@ -103,7 +103,7 @@ class View:
 @dataclass(frozen=True)
 class TargetModel:
     """
-    A correlation filter, a foreground colour model and a scale filter of one target.
+    A correlation filter, a foreground colour model and a scale regression of one target.
 
     It's never changed in place: a snapshot of it is the object itself.
 
@@ -112,14 +112,14 @@ class TargetModel:
     layout : Layout
     correlation : CorrelationFilter
     foreground : ForegroundModel
-    scale : ScaleFilter
+    scale : ScaleRegression
 
     """
 
     layout: Layout
     correlation: CorrelationFilter
     foreground: ForegroundModel
-    scale: ScaleFilter
+    scale: ScaleRegression
 
     @classmethod
     def create(cls, frame: Frame, center: Point, size: Point) -> TargetModel:
@@ -128,13 +128,12 @@ class TargetModel:
         width = _LABEL_WIDTH * float(np.sqrt(layout.target[0] * layout.target[1]))
         empty = cls(layout, CorrelationFilter.create(layout.rows, layout.columns, width),
                     ForegroundModel.create(frame.ndim == 3),
-                    ScaleFilter.create(_CELL * layout.target[0], _CELL * layout.target[1]))
+                    ScaleRegression.create(_CELL * layout.target[0], _CELL * layout.target[1]))
         view = empty.view(frame, center, size)
-        scales = empty.scale.transform(view.grey, empty._in_samples((0.0, 0.0)))
         return cls(
             layout, empty.correlation.learned(empty.transform(view), 1.0),
             empty.foreground.learned(view.colours, empty._rectangle((0.0, 0.0)), 1.0),
-            empty.scale.learned(scales, 1.0))
+            empty.scale.learned(view.grey, empty._in_samples((0.0, 0.0)), 1.0, 1.0))
 
     def view(self, frame: Frame, center: Point, size: Point) -> View:
         """Describe the window about a target of that centre and size, to the nearest pixel."""
@@ -184,9 +183,9 @@ class TargetModel:
         response += np.float32(_COLOUR_WEIGHT) * colour[::_DETAIL, ::_DETAIL]
         return response
 
-    def growth(self, view: View, shift: Point) -> tuple[float, float, NDArray[np.complex64]]:
+    def growth(self, view: View, shift: Point) -> float:
         """
-        Return by which factor the target grew, the same in scale steps, and the spectrum.
+        Return by which factor the target grew.
 
         Parameters
         ----------
@@ -196,9 +195,7 @@ class TargetModel:
             The target's place from the view's centre.
 
         """
-        spectrum = self.scale.transform(view.grey, self._in_samples(shift))
-        factor, steps = self.scale.peak(self.scale.response(spectrum))
-        return factor, steps, spectrum
+        return self.scale.growth(view.grey, self._in_samples(shift))
 
     def learned(self, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> TargetModel:
         """
@@ -220,10 +217,10 @@ class TargetModel:
         foreground = self.foreground.learned(view.colours, self._rectangle(shift), _COLOUR_RATE)
         return TargetModel(self.layout, self.correlation, foreground, self.scale)
 
-    def learned_scale(self, spectrum: NDArray[np.complex64], steps: float) -> TargetModel:
-        """Return the model after learning the scale, from what `growth` returned."""
-        return TargetModel(self.layout, self.correlation, self.foreground,
-                           self.scale.learned(spectrum, _SCALE_RATE, steps))
+    def learned_scale(self, view: View, shift: Point, growth: float) -> TargetModel:
+        """Return the model after learning the scale, of a target `growth` times the view's."""
+        scale = self.scale.learned(view.grey, self._in_samples(shift), growth, _SCALE_RATE)
+        return TargetModel(self.layout, self.correlation, self.foreground, scale)
 
     def is_centred(self, shift: Point) -> bool:
         """Tell whether a view that is off by `shift` cells can be learned from as it is."""

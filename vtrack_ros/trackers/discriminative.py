@@ -34,9 +34,9 @@ _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
 #: A place is worth verifying where the evidence has this share of its mean.
 _WORTH_VERIFYING = 0.5
-#: The scale changes slowly: it's looked at in every second frame, and learned in every fourth;
-#: colours are learned in the frames between.
-_SCALE_EVERY, _SCALE_LEARNED_EVERY = 2, 4
+#: The scale changes slowly: it's looked at and learned in every fourth frame, colours in every
+#: second one.
+_SCALE_EVERY, _COLOURS_EVERY = 4, 2
 #: Likeness at which on and off the target are even, and the width of the transition. On the target
 #: 95 % of all likenesses are above 0.10, off it 90 % are below 0.09.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.09, 0.02
@@ -189,14 +189,13 @@ class DiscriminativeTarget:
         size = live.size
         self._frames += 1
         if self._frames % _SCALE_EVERY == 0:
-            factor, steps, scales = model.growth(view, shift)
-            size = _bounded((view.size[0] * factor, view.size[1] * factor), self._first_size)
-            if self._frames % _SCALE_LEARNED_EVERY == 0:
-                model = model.learned_scale(scales, steps)
+            growth = model.growth(view, shift)
+            size = _bounded((view.size[0] * growth, view.size[1] * growth), self._first_size)
+            model = model.learned_scale(view, shift, growth)
         if not model.is_centred(shift):
             view = model.view(frame, center, size)
             spectrum, shift = model.transform(view), (0.0, 0.0)
-        if self._frames % _SCALE_EVERY:
+        if self._frames % _COLOURS_EVERY:
             model = model.learned_colours(view, shift)
         model = model.learned(spectrum, shift)
         self.likeness = self._first.likeness(spectrum, shift)

@@ -60,7 +60,7 @@ class ParticleTracker(Tracker):
 
     The state is (cx, cy, vx, vy), and (w, h) beside it in the paper preset, in pixels and frames;
     it moves at nearly constant velocity [Zhu2012, eq. 19]. In the default preset the size is the
-    scale filter's. A subclass gives the proposal, and says whether a measurement steers it.
+    scale regression's. A subclass gives the proposal, and says whether a measurement steers it.
     """
 
     PARAMETERS = PARTICLE_PARAMETERS
