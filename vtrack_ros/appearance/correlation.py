@@ -162,10 +162,10 @@ def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.fl
         the right.
 
     """
-    return np.fft.ifft(np.eye(rows)).astype(np.complex64), inverse_of_half(columns)
+    return np.fft.ifft(np.eye(rows)).astype(np.complex64), _inverse_of_half(columns)
 
 
-def inverse_of_half(length: int) -> NDArray[np.float32]:
+def _inverse_of_half(length: int) -> NDArray[np.float32]:
     """
     Return the matrix that makes real series from their non-negative frequencies.
 

@@ -111,6 +111,7 @@ class ScaleRegression:
         # OpenCV counts from the centre of a pixel, boxes from its outer corner
         x, y = ((factors * axis + np.float32(middle - 0.5)).reshape(-1, columns)
                 for axis, middle in zip(self.grid, center))
+        # one below the other; that a look's first and last rows see its neighbour does no harm
         stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         features = oriented_gradients(stack, _CELL).reshape(CHANNELS, len(scales), -1)
         return features.transpose(1, 0, 2).reshape(len(scales), -1)
