@@ -10,30 +10,37 @@ nothing else runs.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 import json
 import os
 from pathlib import Path
 import platform
-import signal
 import subprocess
 import sys
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseArray, PoseStamped
+from node_bench import (
+    Bench, child, cpu_seconds, end, PATIENCE, rss_mb, scene, tracker_arguments)
+import numpy as np
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
+
 from vtrack_ros.ros.dds_profile import with_profile
 from vtrack_ros.ros.domain import reserve_domain
+from vtrack_ros.trackers import tracker_names
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Width, height and rate of the streams.
 STREAMS = ((640, 480, 30), (640, 480, 60), (640, 480, 120), (1920, 1080, 30))
 #: Blocks per node and stream; null node and ours take turns.
 BLOCKS = 3
-#: The target's side, in pixels, and the frames of its way there and back.
-SIDE, WAY = 64, 12
-PATIENCE = 30.0
 
 
 @dataclass
@@ -50,7 +57,6 @@ class Measured:
 
     def summary(self) -> dict[str, float]:
         """Return the figures."""
-        import numpy as np
         p50, p99 = np.percentile(self.latency, (50, 99)) if self.latency else (float('nan'),) * 2
         return {
             'frames_sent': self.sent, 'frames_answered': self.answered or len(self.latency),
@@ -59,139 +65,9 @@ class Measured:
             'cpu_share': self.cpu_seconds / max(1e-9, self.seconds), 'rss_mb': self.rss_mb}
 
 
-class Bench:
-    """Sends images and times the poses that come back."""
-
-    def __init__(self) -> None:
-        import rclpy
-        from rclpy.node import Node
-        rclpy.init(args=[])
-        self.rclpy = rclpy
-        self.node = Node('bench')
-        self.executor = rclpy.executors.SingleThreadedExecutor()
-        self.executor.add_node(self.node)
-
-    def until(self, condition: Any, what: str) -> None:
-        """Spin until a condition holds."""
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            if time.monotonic() > deadline:
-                raise RuntimeError(what)
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def stream(self, publisher: Any, messages: Sequence[Any], rate: float, count: int,
-               began: list[int], first: int) -> None:
-        """Publish `count` images at a rate, spinning meanwhile; notes when each was sent."""
-        due = time.perf_counter()
-        for index in range(count):
-            while (left := due - time.perf_counter()) > 0:
-                self.executor.spin_once(timeout_sec=left)
-            message = messages[(first + index) % len(messages)]
-            stamp = (first + index) * round(1e9 / rate)
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-            began.append(time.perf_counter_ns())
-            publisher.publish(message)
-            due += 1 / rate
-        settled = time.perf_counter() + 0.3
-        while (left := settled - time.perf_counter()) > 0:
-            self.executor.spin_once(timeout_sec=left)
-
-
-def null_node() -> int:
-    """Run the node that everything is held against: image in, pose out."""
-    from geometry_msgs.msg import PoseStamped
-    import rclpy
-    from rclpy.node import Node
-    from rclpy.qos import QoSProfile
-    from sensor_msgs.msg import Image
-    rclpy.init(args=[])
-    node = Node('null')
-    publisher = node.create_publisher(PoseStamped, '/null/pose', QoSProfile(depth=10))
-    subscription = node.create_subscription(
-        Image, '/null/image', lambda message: publisher.publish(
-            PoseStamped(header=message.header)), QoSProfile(depth=1))
-    # Without any timer a shutdown may go unseen.
-    node.create_timer(1.0, lambda: None)
-    try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
-        pass
-    finally:
-        node.destroy_subscription(subscription)
-        node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-@contextmanager
-def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run Python with arguments, with the Fast DDS profile, until the block ends."""
-    process = subprocess.Popen([sys.executable, *arguments], env=with_profile(os.environ))
-    try:
-        yield process
-    finally:
-        end(process)
-
-
-def end(process: subprocess.Popen[bytes]) -> None:
-    """End a process, by force if it must be: what was measured isn't lost for that."""
-    process.send_signal(signal.SIGTERM)
-    try:
-        process.wait(5)
-    except subprocess.TimeoutExpired:
-        print(f'{process.args} did not end on SIGTERM', file=sys.stderr)
-        process.kill()
-        process.wait()
-
-
-def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str]:
-    """Return the arguments of a node in a namespace of its own."""
-    return ['-m', 'vtrack_ros.node.main', '--ros-args', '-r', f'__ns:=/{name}',
-            '-p', f'tracker:={tracker}', '-p', f'init_box:={box}', *more]
-
-
-def scene(width: int, height: int) -> tuple[list[Any], str]:
-    """Return images of a textured square that goes there and back, and its first box."""
-    import numpy as np
-    from sensor_msgs.msg import Image
-    rng = np.random.default_rng(1)
-    ground = np.kron(rng.integers(40, 120, (height // 20, width // 20, 3)),
-                     np.ones((20, 20, 1))).astype(np.uint8)
-    target = np.kron(rng.integers(0, 2, (SIDE // 8, SIDE // 8)), np.ones((8, 8), int))
-    colours = np.array([[30, 40, 220], [220, 200, 40]], np.uint8)
-    messages = []
-    left, top = width // 3, height // 3
-    for index in range(WAY):
-        x = left + 4 * (WAY // 2 - abs(index - WAY // 2))
-        frame = ground.copy()
-        frame[top:top + SIDE, x:x + SIDE] = colours[target]
-        message = Image(width=width, height=height, encoding='bgr8', step=3 * width)
-        message.header.frame_id = 'camera'
-        message.data = frame.tobytes()
-        messages.append(message)
-    return messages, f'[{left}, {top}, {SIDE}, {SIDE}]'
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return the CPU time that a process has taken, in seconds."""
-    fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
-
-def rss_mb(pid: int) -> float:
-    """Return the memory that a process holds, in MB; libraries and DDS segments counted too."""
-    status = dict(line.split(':', 1) for line in
-                  Path(f'/proc/{pid}/status').read_text().splitlines() if ':' in line)
-    return int(status['VmRSS'].split()[0]) / 1e3
-
-
 def measure_stream(bench: Bench, width: int, height: int, rate: int, tracker: str,
                    seconds: float) -> dict[str, dict[str, float]]:
     """Measure null node and ours in turn on one stream."""
-    from diagnostic_msgs.msg import DiagnosticStatus
-    from geometry_msgs.msg import PoseStamped
-    from rclpy.qos import QoSProfile
-    from sensor_msgs.msg import Image
     messages, box = scene(width, height)
     names = ('null', 'ours')
     results = {name: Measured() for name in names}
@@ -220,7 +96,7 @@ def measure_stream(bench: Bench, width: int, height: int, rate: int, tracker: st
     poses = [node.create_subscription(PoseStamped, f'/{name}/pose', on_pose, 100)
              for name in names]
     state = node.create_subscription(DiagnosticStatus, '/ours/tracker/state', on_state, 100)
-    with child(__file__, '--null') as null, child(
+    with child(str(Path(__file__).with_name('null_node.py'))) as null, child(
             *tracker_arguments('ours', tracker, box)) as ours:
         bench.until(lambda: all(p.get_subscription_count() for p in publishers.values())
                     and all(p.get_publisher_count() for p in poses)
@@ -248,9 +124,6 @@ def measure_stream(bench: Bench, width: int, height: int, rate: int, tracker: st
 
 def measure_delivery(bench: Bench, tracker: str, seconds: float) -> dict[str, dict[str, float]]:
     """Count what arrives of VGA at 30 Hz from a best-effort and from a reliable publisher."""
-    from rclpy.qos import QoSProfile, ReliabilityPolicy
-    from sensor_msgs.msg import Image
-    from vision_msgs.msg import Detection2DArray
     messages, box = scene(640, 480)
     figures = {}
     for policy in (ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE):
@@ -274,11 +147,6 @@ def measure_delivery(bench: Bench, tracker: str, seconds: float) -> dict[str, di
 
 def measure_parameters(bench: Bench, tracker: str, changes: int) -> dict[str, float]:
     """Time from the return of a parameter call to the first result that shows it."""
-    from geometry_msgs.msg import PoseArray
-    import numpy as np
-    from rclpy.parameter import Parameter
-    from rclpy.parameter_client import AsyncParameterClient
-    from sensor_msgs.msg import Image
     messages, box = scene(640, 480)
     clouds: list[tuple[float, int]] = []
     publisher = bench.node.create_publisher(Image, '/tuned/image', 10)
@@ -322,11 +190,6 @@ def measure_parameters(bench: Bench, tracker: str, changes: int) -> dict[str, fl
 
 def measure_four(bench: Bench, seconds: float) -> dict[str, dict[str, float]]:
     """Run four trackers in four namespaces on one VGA stream at 30 Hz."""
-    from diagnostic_msgs.msg import DiagnosticStatus
-    from geometry_msgs.msg import PoseStamped
-    import numpy as np
-    from sensor_msgs.msg import Image
-    from vtrack_ros.trackers import tracker_names
     trackers = [name for name in ('gmpf', 'pqkpf', 'abmspf', 'appf') if name in tracker_names()]
     messages, box = scene(640, 480)
     publisher = bench.node.create_publisher(Image, '/camera/image', 10)
@@ -423,10 +286,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--tracker', default='gmpf')
     parser.add_argument('--seconds', type=float, default=15.0, help='per node and stream')
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
-    parser.add_argument('--null', action='store_true', help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
-    if options.null:
-        return null_node()
     domain_guard = reserve_domain()
     os.environ.update(with_profile(os.environ))
     results: dict[str, Any] = {
@@ -447,7 +307,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     (options.out / 'latency.json').write_text(json.dumps(results, indent=1) + '\n')
     (options.out / 'latency.md').write_text(page(results))
     print(page(results))
-    bench.rclpy.try_shutdown()
+    bench.close()
     domain_guard.close()
     return 0
 

@@ -1,0 +1,123 @@
+"""What measuring a node takes: its process, a stream of images, CPU and memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+
+from vtrack_ros.ros.dds_profile import with_profile
+
+#: The target's side, in pixels, and the frames of its way there and back.
+SIDE, WAY = 64, 12
+PATIENCE = 30.0
+
+
+class Bench:
+    """Sends images and times the poses that come back."""
+
+    def __init__(self) -> None:
+        rclpy.init(args=[])
+        self.node = Node('bench')
+        self.executor = rclpy.executors.SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+
+    def close(self) -> None:
+        """Leave ROS."""
+        rclpy.try_shutdown()
+
+    def until(self, condition: Any, what: str) -> None:
+        """Spin until a condition holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            if time.monotonic() > deadline:
+                raise RuntimeError(what)
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def stream(self, publisher: Any, messages: Sequence[Any], rate: float, count: int,
+               began: list[int], first: int) -> None:
+        """Publish `count` images at a rate, spinning meanwhile; notes when each was sent."""
+        due = time.perf_counter()
+        for index in range(count):
+            while (left := due - time.perf_counter()) > 0:
+                self.executor.spin_once(timeout_sec=left)
+            message = messages[(first + index) % len(messages)]
+            stamp = (first + index) * round(1e9 / rate)
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            began.append(time.perf_counter_ns())
+            publisher.publish(message)
+            due += 1 / rate
+        settled = time.perf_counter() + 0.3
+        while (left := settled - time.perf_counter()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+
+
+@contextmanager
+def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run Python with arguments, with the Fast DDS profile, until the block ends."""
+    process = subprocess.Popen([sys.executable, *arguments], env=with_profile(os.environ))
+    try:
+        yield process
+    finally:
+        end(process)
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    """End a process, by force if it must be: what was measured isn't lost for that."""
+    process.send_signal(signal.SIGTERM)
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        print(f'{process.args} did not end on SIGTERM', file=sys.stderr)
+        process.kill()
+        process.wait()
+
+
+def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str]:
+    """Return the arguments of a node in a namespace of its own."""
+    return ['-m', 'vtrack_ros.node.main', '--ros-args', '-r', f'__ns:=/{name}',
+            '-p', f'tracker:={tracker}', '-p', f'init_box:={box}', *more]
+
+
+def scene(width: int, height: int) -> tuple[list[Any], str]:
+    """Return images of a textured square that goes there and back, and its first box."""
+    rng = np.random.default_rng(1)
+    ground = np.kron(rng.integers(40, 120, (height // 20, width // 20, 3)),
+                     np.ones((20, 20, 1))).astype(np.uint8)
+    target = np.kron(rng.integers(0, 2, (SIDE // 8, SIDE // 8)), np.ones((8, 8), int))
+    colours = np.array([[30, 40, 220], [220, 200, 40]], np.uint8)
+    messages = []
+    left, top = width // 3, height // 3
+    for index in range(WAY):
+        x = left + 4 * (WAY // 2 - abs(index - WAY // 2))
+        frame = ground.copy()
+        frame[top:top + SIDE, x:x + SIDE] = colours[target]
+        message = Image(width=width, height=height, encoding='bgr8', step=3 * width)
+        message.header.frame_id = 'camera'
+        message.data = frame.tobytes()
+        messages.append(message)
+    return messages, f'[{left}, {top}, {SIDE}, {SIDE}]'
+
+
+def cpu_seconds(pid: int) -> float:
+    """Return the CPU time that a process has taken, in seconds."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def rss_mb(pid: int) -> float:
+    """Return the memory that a process holds, in MB; libraries and DDS segments counted too."""
+    status = dict(line.split(':', 1) for line in
+                  Path(f'/proc/{pid}/status').read_text().splitlines() if ':' in line)
+    return int(status['VmRSS'].split()[0]) / 1e3
