@@ -12,16 +12,15 @@ from vtrack_ros.trackers.sighting import Sighting
 
 #: Error of the measured centre, as a share of the target's mean side, where it's seen well.
 _MEASURED_ERROR = 0.05
-#: The window lies this far on the way from the last place to the predicted one.
-_LEAD = 0.5
 
 
 class DiscriminativeObservation(Observation):
     """
     The evidence map of a `DiscriminativeTarget`.
 
-    The particles decide for a mode of the evidence, and the mode's own maximum is the estimate:
-    a weighted mean is no more exact than the particles are dense.
+    The particles decide between modes of the evidence that are about level, and the mode's own
+    maximum is the estimate: a weighted mean is no more exact than the particles are dense. What
+    is clearly the highest is believed against the prior, for targets dart off.
 
     Parameters
     ----------
@@ -49,11 +48,9 @@ class DiscriminativeObservation(Observation):
         self.target.start(frame, (x, y), (width, height))
 
     def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
-        """Make the evidence map; the measured centre is its maximum."""
+        """Make the evidence map about the box; the measured centre is its maximum."""
         x, y = box[:2].tolist()
-        predicted_x, predicted_y = predicted[:2].tolist()
-        self._sighting = self.target.look(
-            frame, (x + _LEAD * (predicted_x - x), y + _LEAD * (predicted_y - y)))
+        self._sighting = self.target.look(frame, (x, y))
         if self.target.out_of_sight_frames or not self._measuring:
             return None
         usual = max(self.target.live.evidence_mean, 1e-6)
@@ -70,9 +67,10 @@ class DiscriminativeObservation(Observation):
         return evidence
 
     def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
-        """Settle on the evidence's maximum next to the particles' mean."""
+        """Settle on the evidence's maximum next to the particles' mean, or on the highest."""
         assert self._sighting is not None
         center = self._sighting.climb((float(box[0]), float(box[1])))
+        center = self._sighting.unless_dominated(center)
         jumped = self.target.settle(frame, self._sighting, center, dt)
         live = self.target.live
         return Conclusion(np.array([*live.center, *live.size]), self.target.confidence,

@@ -21,8 +21,6 @@ _FINE = 1 / 32
 #: Evidence as a likelihood: so many times the share of the highest evidence that is missing is
 #: the negative logarithm.
 _SHARPNESS = 20.0
-#: A place with less than this share of the window's highest evidence is a lesser maximum.
-_DOMINATED = 0.95
 
 
 class EvidenceMeanShift:
@@ -35,7 +33,7 @@ class EvidenceMeanShift:
     evidence of a discriminative model, of which zeta is the share of its running mean. When the
     fused place is null, the extended search starts with the best place of the window.
 
-    The bandwidth follows the size that the model's scale filter finds. The angle is 0: the second
+    The bandwidth follows the size that the model's scale regression finds. The angle is 0: the second
     moments of a foreground map turn with limbs and background rather than with the target.
 
     Parameters
@@ -75,8 +73,7 @@ class EvidenceMeanShift:
             zeta = min(self._at(sighting, climbed) / usual, 1.0)
             place = fused(zeta, climbed, best, SIGMA, max(before.size) / 2, settings)
             center = sighting.center if place is None else place
-        if self._at(sighting, center) < _DOMINATED * sighting.peak:
-            center = sighting.center
+        center = sighting.unless_dominated(center)
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = self._spread(sighting, center)
         found_elsewhere = target.settle(frame, sighting, center, dt)

@@ -12,6 +12,9 @@ from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_
 from vtrack_ros.appearance.target import Point, TargetModel, View
 from vtrack_ros.frame import Frame
 
+#: A place with less than this share of a window's highest evidence is a lesser maximum.
+_LEVEL = 0.95
+
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -80,6 +83,11 @@ class Sighting:
             borderMode=cv2.BORDER_CONSTANT, borderValue=0)
         result: NDArray[np.float64] = values[:, 0].astype(np.float64)
         return result
+
+    def unless_dominated(self, place: Point) -> Point:
+        """Return a place, in pixels, or the highest evidence's where that's clearly higher."""
+        level = float(self.at(np.array([place]))[0]) >= _LEVEL * self.peak
+        return place if level else self.center
 
     def climb(self, start: Point) -> Point:
         """Return the local maximum of the evidence that is uphill from a place, in pixels."""
