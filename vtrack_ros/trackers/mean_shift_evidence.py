@@ -33,8 +33,8 @@ class EvidenceMeanShift:
     evidence of a discriminative model, of which zeta is the share of its running mean. When the
     fused place is null, the extended search starts with the best place of the window.
 
-    The bandwidth follows the size that the model's scale regression finds. The angle is 0: the second
-    moments of a foreground map turn with limbs and background rather than with the target.
+    The bandwidth follows the size that the model finds. The angle is 0: the second moments of a
+    foreground map turn with limbs and background rather than with the target.
 
     Parameters
     ----------
