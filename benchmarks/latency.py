@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 import json
 import os
 from pathlib import Path
 import platform
-import subprocess
 import sys
 import time
 from typing import Any
@@ -24,7 +24,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped
 from node_bench import (
-    Bench, child, cpu_seconds, end, PATIENCE, rss_mb, scene, tracker_arguments)
+    Bench, child, cpu_seconds, PATIENCE, rss_mb, scene, tracker_arguments)
 import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
@@ -34,7 +34,6 @@ from vision_msgs.msg import Detection2DArray
 
 from vtrack_ros.ros.dds_profile import with_profile
 from vtrack_ros.ros.domain import reserve_domain
-from vtrack_ros.trackers import tracker_names
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Width, height and rate of the streams.
@@ -190,7 +189,7 @@ def measure_parameters(bench: Bench, tracker: str, changes: int) -> dict[str, fl
 
 def measure_four(bench: Bench, seconds: float) -> dict[str, dict[str, float]]:
     """Run four trackers in four namespaces on one VGA stream at 30 Hz."""
-    trackers = [name for name in ('gmpf', 'pqkpf', 'abmspf', 'appf') if name in tracker_names()]
+    trackers = ('gmpf', 'pqkpf', 'abmspf', 'appf')
     messages, box = scene(640, 480)
     publisher = bench.node.create_publisher(Image, '/camera/image', 10)
     began: list[int] = []
@@ -212,12 +211,10 @@ def measure_four(bench: Bench, seconds: float) -> dict[str, dict[str, float]]:
             missing[name] = int(values['frames_missing'])
         return on_state
 
-    processes = []
-    try:
+    with ExitStack() as nodes:
         for name in trackers:
-            arguments = tracker_arguments(name, name, box, '-r', 'image:=/camera/image')
-            processes.append(subprocess.Popen(
-                [sys.executable, *arguments], env=with_profile(os.environ)))
+            nodes.enter_context(child(
+                *tracker_arguments(name, name, box, '-r', 'image:=/camera/image')))
             hearing.append(bench.node.create_subscription(
                 PoseStamped, f'/{name}/pose', pose_hearer(name), 100))
             hearing.append(bench.node.create_subscription(
@@ -226,9 +223,6 @@ def measure_four(bench: Bench, seconds: float) -> dict[str, dict[str, float]]:
                     and all(row.get_publisher_count() for row in hearing), 'nodes are missing')
         count = int(30 * seconds)
         bench.stream(publisher, messages, 30, count, began, 1)
-    finally:
-        for process in processes:
-            end(process)
     figures = {}
     for name in trackers:
         p50, p99 = np.percentile(latency[name], (50, 99)) if latency[name] else (np.nan, np.nan)

@@ -70,18 +70,14 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
-        end(process)
-
-
-def end(process: subprocess.Popen[bytes]) -> None:
-    """End a process, by force if it must be: what was measured isn't lost for that."""
-    process.send_signal(signal.SIGTERM)
-    try:
-        process.wait(5)
-    except subprocess.TimeoutExpired:
-        print(f'{process.args} did not end on SIGTERM', file=sys.stderr)
-        process.kill()
-        process.wait()
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(5)
+        except subprocess.TimeoutExpired:
+            # what was measured isn't lost for that
+            print(f'{process.args} did not end on SIGTERM', file=sys.stderr)
+            process.kill()
+            process.wait()
 
 
 def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str]:

@@ -35,7 +35,7 @@ def trained(size, image=None, growth=1.0):
 @pytest.mark.parametrize('size', [(40.0, 40.0), (60.0, 30.0), (75.0, 60.0)])
 @pytest.mark.parametrize('factor', [0.9, 0.95, 1.0, 1.05, 1.1])
 def test_a_known_growth_is_found(size, factor):
-    """A picture enlarged about the target's centre by a known factor, to 2.5 %."""
+    """A picture enlarged about the target's centre, as large as views show it, to 2.5 %."""
     found = trained(size).growth(enlarged(picture(), factor), CENTER)
     assert abs(np.log(found / factor)) < 0.025
 

@@ -195,7 +195,7 @@ class DiscriminativeTarget:
         if not model.is_centred(shift):
             view = model.view(frame, center, size)
             spectrum, shift = model.transform(view), (0.0, 0.0)
-        if self._frames % _COLOURS_EVERY:
+        if self._frames % _COLOURS_EVERY == 1:
             model = model.learned_colours(view, shift)
         model = model.learned(spectrum, shift)
         self.likeness = self._first.likeness(spectrum, shift)

@@ -70,7 +70,7 @@ class EvidenceMeanShift:
             scores = sighting.at(points)
             best = points[int(scores.argmax())]
             best = self._climbed(sighting, weights, (best[0], best[1]))
-            zeta = min(self._at(sighting, climbed) / usual, 1.0)
+            zeta = min(sighting.height(climbed) / usual, 1.0)
             place = fused(zeta, climbed, best, SIGMA, max(before.size) / 2, settings)
             center = sighting.center if place is None else place
         center = sighting.unless_dominated(center)
@@ -81,10 +81,6 @@ class EvidenceMeanShift:
         self._velocity = np.zeros(2) if found_elsewhere else (self._velocity + step) / 2
         return target.estimate(
             covariance, particles=None if points is None else self._boxes(points))
-
-    @staticmethod
-    def _at(sighting: Sighting, place: Point) -> float:
-        return float(sighting.at(np.array([place]))[0])
 
     def _climbed(self, sighting: Sighting, weights: NDArray[np.float64], start: Point) -> Point:
         """Climb from a place with the target's bandwidth, then with the peak's."""

@@ -84,10 +84,13 @@ class Sighting:
         result: NDArray[np.float64] = values[:, 0].astype(np.float64)
         return result
 
+    def height(self, place: Point) -> float:
+        """Return the evidence at one place, in pixels; 0 beyond the window."""
+        return float(self.at(np.array([place]))[0])
+
     def unless_dominated(self, place: Point) -> Point:
         """Return a place, in pixels, or the highest evidence's where that's clearly higher."""
-        level = float(self.at(np.array([place]))[0]) >= _LEVEL * self.peak
-        return place if level else self.center
+        return place if self.height(place) >= _LEVEL * self.peak else self.center
 
     def climb(self, start: Point) -> Point:
         """Return the local maximum of the evidence that is uphill from a place, in pixels."""
