@@ -28,8 +28,8 @@ _CONTEXT = 1.5
 _LABEL_WIDTH = 1 / 16
 #: Weight of the colour evidence in the sum; the rest is the correlation filter's.
 _COLOUR_WEIGHT = 0.3
-#: An example that is off the middle by more than this many cells is sampled anew.
-_CENTRED = 2.0
+#: A target that is off the middle by more than this many cells is worth a look of its own.
+_CENTRED = 1.0
 
 #: Weights of an example in the running averages.
 _RATE = 0.02
@@ -223,7 +223,7 @@ class TargetModel:
         return TargetModel(self.layout, self.correlation, self.foreground, scale)
 
     def is_centred(self, shift: Point) -> bool:
-        """Tell whether a view that is off by `shift` cells can be learned from as it is."""
+        """Tell whether a target `shift` cells from a view's centre is seen as well as in it."""
         return max(abs(shift[0]), abs(shift[1])) <= _CENTRED
 
     def likeness(self, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,8 @@ from vtrack_ros.trackers.affine_appearance import AffineAppearance, Widths
 from vtrack_ros.trackers.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.trackers.affine_upright import UprightTarget
-from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
+from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
 
 Array = NDArray[np.float64]
 
@@ -76,7 +78,6 @@ _KEYPOINTS = ParameterTable([
 #: Correlation with the first look at which on and off the target are even, the width of the
 #: transition, and what doesn't count as seen (paper preset).
 _EVEN_LIKENESS, _LIKENESS_SPREAD, _UNLIKE = 0.25, 0.07, 0.15
-_LOST_FRAMES = 30
 #: Standard deviations that the particles don't know of, as shares of the mean side (paper preset).
 _CENTER_ERROR, _SIZE_ERROR = 0.08, 0.12
 _NOISES = ('scale_noise', 'aspect_noise', 'rotation_noise', 'skew_noise', 'x_noise', 'y_noise')
@@ -227,13 +228,13 @@ class AffineTracker(Tracker):
         likeness *= 0.0 if visible is None else visible.area / box.area
         confidence = float(1 / (1 + np.exp(-(likeness - _EVEN_LIKENESS) / _LIKENESS_SPREAD)))
         self._doubtful_frames = self._doubtful_frames + 1 if likeness < _UNLIKE else 0
-        state = (TrackState.LOST if self._doubtful_frames > _LOST_FRAMES else
-                 TrackState.SEARCHING if self._doubtful_frames else TrackState.TRACKING)
         errors = np.repeat([_CENTER_ERROR, _SIZE_ERROR], 2)
-        covariance += np.diag(errors**2) * bound[2] * bound[3]
+        covariance += np.diag(errors**2) * box.area
+        covariance += covariance_after(self._doubtful_frames, math.sqrt(box.area))
         return Estimate(
             box=box, angle=angle, covariance=covariance,
-            confidence=confidence, particles=boxes, affine=frame, state=state)
+            confidence=confidence, particles=boxes, affine=frame,
+            state=state_after(self._doubtful_frames))
 
 
 class AffineKeypointParticleFilter(AffineTracker):

@@ -13,6 +13,7 @@ from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers.base import Estimate, TrackState
+from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
 from vtrack_ros.trackers.sighting import Hypothesis, look_for, Sighting
 
 #: Trouble is when the evidence falls below this share of its running mean, or the likeness below
@@ -34,15 +35,14 @@ _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
 #: A place is worth verifying where the evidence has this share of its mean.
 _WORTH_VERIFYING = 0.5
-#: The scale changes slowly: it's looked at and learned in every fourth frame, colours in every
-#: second one.
-_SCALE_EVERY, _COLOURS_EVERY = 4, 2
+#: The scale changes slowly: it's looked at and learned in every fourth frame, and in the frame
+#: after one in which it changed by this logarithm; colours in every second one.
+_SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 #: Likeness at which on and off the target are even, and the width of the transition. On the target
 #: 95 % of all likenesses are above 0.10, off it 90 % are below 0.09.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.09, 0.02
 #: A target that's plain to see is told from textures that look a little like everything.
 _EVEN_SHARE = 0.2
-_LOST_FRAMES = 30
 #: The target is looked for on its straight way on for that long.
 _EXTRAPOLATED_FRAMES = 60
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
@@ -80,6 +80,7 @@ class DiscriminativeTarget:
         self._snapshot: Hypothesis | None = None
         self._velocity = 0.0, 0.0
         self._frames = 0
+        self._growing = False
         self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
         self.out_of_sight_frames = 0
         self.likeness = 1.0
@@ -87,9 +88,7 @@ class DiscriminativeTarget:
     @property
     def state(self) -> TrackState:
         """Whether the target is in sight."""
-        if self.lost:
-            return TrackState.LOST
-        return TrackState.SEARCHING if self.out_of_sight_frames else TrackState.TRACKING
+        return state_after(self.out_of_sight_frames)
 
     @property
     def confidence(self) -> float:
@@ -128,21 +127,17 @@ class DiscriminativeTarget:
         if box is None:
             box = Box.from_center(*self.live.center, *self.live.size)
         side = math.sqrt(box.area)
-        growth = 1 + self.out_of_sight_frames
         floor = np.array([_CENTER_ERROR, _CENTER_ERROR, _SIZE_ERROR, _SIZE_ERROR]) * side
+        covariance = (covariance + np.diag(floor**2)
+                      + covariance_after(self.out_of_sight_frames, side))
         return Estimate(
-            box=box, angle=angle, covariance=covariance + growth * np.diag(floor**2),
-            confidence=self.confidence, state=self.state, particles=particles, affine=affine)
+            box=box, angle=angle, covariance=covariance, confidence=self.confidence,
+            state=self.state, particles=particles, affine=affine)
 
     @property
     def doubtful(self) -> bool:
         """Tell whether the live belief is in trouble."""
         return self._snapshot is not None
-
-    @property
-    def lost(self) -> bool:
-        """Tell whether the target is out of sight for long."""
-        return self.out_of_sight_frames > _LOST_FRAMES
 
     def look(self, frame: Frame, center: Point) -> Sighting:
         """Look for the target about a place, in pixels, with the live model."""
@@ -166,7 +161,8 @@ class DiscriminativeTarget:
         Returns
         -------
         bool
-            Whether the target was found again elsewhere: `live.center` is not `center` then.
+            Whether the target was found again elsewhere. Where it wasn't, `live.center` is
+            `center`, or next to it: near the window's border a place is looked at twice.
 
         """
         before = self.live
@@ -182,19 +178,19 @@ class DiscriminativeTarget:
         return found
 
     def _learn(self, frame: Frame, sighting: Sighting, center: Point) -> Hypothesis:
-        live, view, spectrum = self.live, sighting.view, sighting.spectrum
-        model = live.model
-        shift = ((center[0] - view.center[0]) / sighting.cell[0],
-                 (center[1] - view.center[1]) / sighting.cell[1])
-        size = live.size
+        live = self.live
+        if not live.model.is_centred(sighting.shift(center)):
+            # the taper distorts what is near the border, and some of the target may be beyond it
+            sighting = look_for(live, frame, center)
+            center = _inside(sighting.climb(center), frame)
+        view, spectrum, shift = sighting.view, sighting.spectrum, sighting.shift(center)
+        model, size = live.model, live.size
         self._frames += 1
-        if self._frames % _SCALE_EVERY == 0:
+        if self._frames % _SCALE_EVERY == 0 or self._growing:
             growth = model.growth(view, shift)
+            self._growing = abs(math.log(growth)) > _GROWING
             size = _bounded((view.size[0] * growth, view.size[1] * growth), self._first_size)
             model = model.learned_scale(view, shift, growth)
-        if not model.is_centred(shift):
-            view = model.view(frame, center, size)
-            spectrum, shift = model.transform(view), (0.0, 0.0)
         if self._frames % _COLOURS_EVERY == 1:
             model = model.learned_colours(view, shift)
         model = model.learned(spectrum, shift)

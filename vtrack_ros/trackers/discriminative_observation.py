@@ -74,4 +74,4 @@ class DiscriminativeObservation(Observation):
         jumped = self.target.settle(frame, self._sighting, center, dt)
         live = self.target.live
         return Conclusion(np.array([*live.center, *live.size]), self.target.confidence,
-                          self.target.state, jumped)
+                          self.target.out_of_sight_frames, jumped)

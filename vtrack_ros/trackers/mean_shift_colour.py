@@ -12,14 +12,14 @@ from vtrack_ros.appearance.mean_shift import EllipseColours
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned
-from vtrack_ros.trackers.base import Estimate, TrackState
+from vtrack_ros.trackers.base import Estimate
 from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
+from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
 
 Array = NDArray[np.float64]
 
 #: Frames of search after which it goes on in the whole frame [Yin2013, step 9].
 _LOCAL_FRAMES = 10
-_LOST_FRAMES = 30
 #: Candidates of a local search.
 _CANDIDATES = 20
 #: At most so many samples of a frame are searched for blobs, and so many blobs are matched.
@@ -240,20 +240,18 @@ class ColourMeanShift:
         side = math.sqrt(box.area)
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = (offsets * weights[:, None]).T @ offsets / weights.sum()
-        covariance += np.diag([_CENTER_ERROR, _CENTER_ERROR, _SIZE_ERROR, _SIZE_ERROR])**2 * (
-            side**2 * (1 + self._searched))
-        state = TrackState.TRACKING
+        errors = np.repeat([_CENTER_ERROR, _SIZE_ERROR], 2)
+        covariance += np.diag(errors**2) * side**2 + covariance_after(self._searched, side)
         if self._searched:
             zeta = float(scores[0])
-            lost = self._searched > _LOST_FRAMES
-            state = TrackState.LOST if lost else TrackState.SEARCHING
         likeness = (zeta - self._floor) / (1 - self._floor)
         confidence = 1 / (1 + math.exp(-(likeness - _EVEN_LIKENESS) / _LIKENESS_SPREAD))
         if self._searched:
             confidence = min(confidence, 0.3)
         sizes = np.broadcast_to([box.width, box.height], points.shape)
         return Estimate(
-            box=box, angle=self._angle, covariance=covariance, confidence=confidence, state=state,
+            box=box, angle=self._angle, covariance=covariance, confidence=confidence,
+            state=state_after(self._searched),
             particles=np.concatenate([points, sizes], 1) if len(points) else None)
 
 

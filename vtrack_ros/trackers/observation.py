@@ -13,7 +13,6 @@ from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
 from vtrack_ros.appearance.motion_edge import MotionEdge
 from vtrack_ros.estimation.belief import spread_about
 from vtrack_ros.frame import Frame
-from vtrack_ros.trackers.base import TrackState
 
 Array = NDArray[np.float64]
 
@@ -22,7 +21,6 @@ _SEARCHING_BELOW = 0.5
 _PLACES, _SPACING = 7, 0.15
 #: How far the likest place is from the true one, in sides, on the rendered scenes.
 _CUE_ERROR = 0.1
-_LOST_FRAMES = 30
 #: How far the size may be from the first one.
 _SMALLEST, _LARGEST = 0.2, 5.0
 _STEPS = _SPACING * (np.arange(_PLACES) - (_PLACES - 1) / 2)
@@ -57,8 +55,8 @@ class Conclusion:
         (centre x, centre y, width, height).
     confidence : float
         In [0, 1].
-    state : TrackState
-        Whether it was measured.
+    unseen_frames : int
+        For so many frames the target wasn't seen; 0 if it was in this one.
     jumped : bool
         Whether it was found elsewhere, so that the particles have to follow.
 
@@ -66,7 +64,7 @@ class Conclusion:
 
     box: Array
     confidence: float
-    state: TrackState
+    unseen_frames: int = 0
     jumped: bool = False
 
 
@@ -205,12 +203,7 @@ class CueObservation(Observation):
         if self._edges is not None:
             self._edges.learn(box)
         self._unseen_frames = self._unseen_frames + 1 if confidence < _SEARCHING_BELOW else 0
-        state = TrackState.TRACKING
-        if self._unseen_frames:
-            state = TrackState.SEARCHING
-        if self._unseen_frames > _LOST_FRAMES:
-            state = TrackState.LOST
-        return Conclusion(box, confidence, state)
+        return Conclusion(box, confidence, self._unseen_frames)
 
     def _bounded(self, boxes: Boxes) -> Boxes:
         """Bound sizes to a range about the first one."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import partial
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,11 @@ from vtrack_ros.estimation.sigma_points import gauss_hermite, pruned_gauss_hermi
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
+from vtrack_ros.trackers.base import Estimate, Tracker
 from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.discriminative_observation import DiscriminativeObservation
 from vtrack_ros.trackers.observation import Conclusion, CueObservation, Observation
+from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
 
 Array = NDArray[np.float64]
 
@@ -96,7 +98,7 @@ class ParticleTracker(Tracker):
         self._side = 0.0
         self._restart()
         return self._estimate(
-            Conclusion(self._box, 1.0, TrackState.TRACKING), np.zeros((4, 4)), self._boxes(
+            Conclusion(self._box, 1.0), np.zeros((4, 4)), self._boxes(
                 self._filter.belief.states))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
@@ -171,11 +173,13 @@ class ParticleTracker(Tracker):
 
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box.tolist()
-        unknown = width * height * self._observation.unknown
+        area, unseen = width * height, conclusion.unseen_frames
+        covariance = (covariance + area * self._observation.unknown
+                      + covariance_after(unseen, math.sqrt(area)))
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
-            covariance=covariance + unknown, confidence=conclusion.confidence,
-            state=conclusion.state, particles=boxes)
+            covariance=covariance, confidence=conclusion.confidence, state=state_after(unseen),
+            particles=boxes)
 
 
 class ColourParticleFilter(ParticleTracker):

@@ -75,6 +75,11 @@ class Sighting:
         cells += middle[0] - center[0] / cell[0], middle[1] - center[1] / cell[1]
         return cells
 
+    def shift(self, place: Point) -> Point:
+        """Return how far a place, in pixels, is from the view's centre, in cells."""
+        return ((place[0] - self.view.center[0]) / self.cell[0],
+                (place[1] - self.view.center[1]) / self.cell[1])
+
     def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the evidence at points, shape (N, 2) in pixels; 0 beyond the window."""
         cells = self.cells(points).astype(np.float32)
