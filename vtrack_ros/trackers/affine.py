@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +18,7 @@ from vtrack_ros.trackers.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.trackers.affine_upright import UprightTarget
 from vtrack_ros.trackers.base import Estimate, Tracker
-from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
+from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]
 
@@ -228,9 +227,8 @@ class AffineTracker(Tracker):
         likeness *= 0.0 if visible is None else visible.area / box.area
         confidence = float(1 / (1 + np.exp(-(likeness - _EVEN_LIKENESS) / _LIKENESS_SPREAD)))
         self._doubtful_frames = self._doubtful_frames + 1 if likeness < _UNLIKE else 0
-        errors = np.repeat([_CENTER_ERROR, _SIZE_ERROR], 2)
-        covariance += np.diag(errors**2) * box.area
-        covariance += covariance_after(self._doubtful_frames, math.sqrt(box.area))
+        covariance += unknown_covariance(
+            _CENTER_ERROR, _SIZE_ERROR, box.area, self._doubtful_frames)
         return Estimate(
             box=box, angle=angle, covariance=covariance,
             confidence=confidence, particles=boxes, affine=frame,

@@ -12,8 +12,8 @@ from vtrack_ros.appearance.foreground import box_mean, colour_index
 from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers.base import Estimate, TrackState
-from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
+from vtrack_ros.trackers.base import Estimate
+from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 from vtrack_ros.trackers.sighting import Hypothesis, look_for, Sighting
 
 #: Trouble is when the evidence falls below this share of its running mean, or the likeness below
@@ -46,7 +46,7 @@ _EVEN_SHARE = 0.2
 #: The target is looked for on its straight way on for that long.
 _EXTRAPOLATED_FRAMES = 60
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
-_CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
+ERRORS = 0.07, 0.10
 _SMALLEST, _LARGEST = 0.2, 5.0
 
 
@@ -86,11 +86,6 @@ class DiscriminativeTarget:
         self.likeness = 1.0
 
     @property
-    def state(self) -> TrackState:
-        """Whether the target is in sight."""
-        return state_after(self.out_of_sight_frames)
-
-    @property
     def confidence(self) -> float:
         """How sure it is that the live place is the target's, in [0, 1]."""
         # the logistic function, without its overflow
@@ -126,13 +121,12 @@ class DiscriminativeTarget:
         """
         if box is None:
             box = Box.from_center(*self.live.center, *self.live.size)
-        side = math.sqrt(box.area)
-        floor = np.array([_CENTER_ERROR, _CENTER_ERROR, _SIZE_ERROR, _SIZE_ERROR]) * side
-        covariance = (covariance + np.diag(floor**2)
-                      + covariance_after(self.out_of_sight_frames, side))
+        unseen = self.out_of_sight_frames
         return Estimate(
-            box=box, angle=angle, covariance=covariance, confidence=self.confidence,
-            state=self.state, particles=particles, affine=affine)
+            box=box, angle=angle,
+            covariance=covariance + unknown_covariance(*ERRORS, box.area, unseen),
+            confidence=self.confidence, state=state_after(unseen), particles=particles,
+            affine=affine)
 
     @property
     def doubtful(self) -> bool:
@@ -181,7 +175,7 @@ class DiscriminativeTarget:
         live = self.live
         if not live.model.is_centred(sighting.shift(center)):
             # the taper distorts what is near the border, and some of the target may be beyond it
-            sighting = look_for(live, frame, center)
+            sighting = self.look(frame, center)
             center = _inside(sighting.climb(center), frame)
         view, spectrum, shift = sighting.view, sighting.spectrum, sighting.shift(center)
         model, size = live.model, live.size

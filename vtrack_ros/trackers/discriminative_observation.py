@@ -6,7 +6,7 @@ import numpy as np
 
 from vtrack_ros.appearance.histogram import Boxes
 from vtrack_ros.frame import Frame
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget
+from vtrack_ros.trackers.discriminative import DiscriminativeTarget, ERRORS
 from vtrack_ros.trackers.observation import Array, Conclusion, Measurement, Observation
 from vtrack_ros.trackers.sighting import Sighting
 
@@ -33,7 +33,7 @@ class DiscriminativeObservation(Observation):
     """
 
     sized = False
-    unknown = np.diag([0.07**2, 0.07**2, 0.10**2, 0.10**2])
+    errors = ERRORS
 
     def __init__(self, target: DiscriminativeTarget, temperature: float,
                  measuring: bool) -> None:

@@ -14,7 +14,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned
 from vtrack_ros.trackers.base import Estimate
 from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
-from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
+from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]
 
@@ -237,11 +237,9 @@ class ColourMeanShift:
         offsets = _STENCIL @ self._matrix.T
         scores = self._score(frame, self._center + offsets)
         weights = np.exp(-(scores.max() - scores) / (2 * _LIKELIHOOD_WIDTH**2))
-        side = math.sqrt(box.area)
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = (offsets * weights[:, None]).T @ offsets / weights.sum()
-        errors = np.repeat([_CENTER_ERROR, _SIZE_ERROR], 2)
-        covariance += np.diag(errors**2) * side**2 + covariance_after(self._searched, side)
+        covariance += unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, self._searched)
         if self._searched:
             zeta = float(scores[0])
         likeness = (zeta - self._floor) / (1 - self._floor)

@@ -73,9 +73,9 @@ class Observation(ABC):
 
     #: Whether the particles have sizes of their own.
     sized: bool
-    #: Covariance of (centre x, centre y, width, height) that the particles don't know of, in
-    #: units of the target's area.
-    unknown: Array
+    #: Standard deviations of the centre and the size that the particles don't know of, as shares
+    #: of the target's mean side.
+    errors: tuple[float, float]
 
     @abstractmethod
     def start(self, frame: Frame, box: Array) -> None:
@@ -133,7 +133,7 @@ class CueObservation(Observation):
     """
 
     sized = True
-    unknown = np.diag([0.33**2, 0.33**2, 0.3**2, 0.3**2])
+    errors = 0.33, 0.3
 
     def __init__(self, cues: str, fusion: str, sigma: float, kernel: str,
                  measuring: bool) -> None:

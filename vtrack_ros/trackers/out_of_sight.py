@@ -1,4 +1,4 @@
-"""What a tracker still knows of a target that it doesn't see."""
+"""What a tracker doesn't know, of a target that it sees and of one that it doesn't."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vtrack_ros.trackers.base import TrackState
 _LOST_FRAMES = 30
 #: Standard deviations of centre and size, as shares of the target's mean side, in the first frame
 #: out of sight: by then a tracker often is on something else. On real videos, with and without
-#: painted occluders, nine in ten true centres are within 2.2 sides then, and within 2.5 later.
+#: painted occluders, nine in ten true centres are within 2.2 sides then, and 2.1 to 3.6 later.
 _CENTER_ERROR, _SIZE_ERROR = 1.0, 0.3
 #: The variance of the centre grows by as much again in that many frames.
 _WANDERING_FRAMES = 30
@@ -24,16 +24,20 @@ def state_after(frames: float) -> TrackState:
     return TrackState.LOST if frames > _LOST_FRAMES else TrackState.SEARCHING
 
 
-def covariance_after(frames: float, side: float) -> NDArray[np.float64]:
+def unknown_covariance(
+        center_error: float, size_error: float, area: float, frames: float) -> NDArray[np.float64]:
     """
-    Return the covariance that not seeing the target adds.
+    Return the covariance of what a filter doesn't know of: its cues' errors, and not seeing.
 
     Parameters
     ----------
+    center_error, size_error : float
+        Standard deviations of the centre and the size while the target is seen, as shares of its
+        mean side.
+    area : float, [px^2]
+        The target's.
     frames : float
         For so many frames it hasn't been seen; 0 if it was seen in this one.
-    side : float, [px]
-        The target's mean side.
 
     Returns
     -------
@@ -41,7 +45,8 @@ def covariance_after(frames: float, side: float) -> NDArray[np.float64]:
         Of (centre x, centre y, width, height).
 
     """
-    if not frames:
-        return np.zeros((4, 4))
-    center = _CENTER_ERROR**2 * (1 + frames / _WANDERING_FRAMES)
-    return side**2 * np.diag([center, center, _SIZE_ERROR**2, _SIZE_ERROR**2])
+    center, size = center_error**2, size_error**2
+    if frames:
+        center += _CENTER_ERROR**2 * (1 + frames / _WANDERING_FRAMES)
+        size += _SIZE_ERROR**2
+    return area * np.diag([center, center, size, size])

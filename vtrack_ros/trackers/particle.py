@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import partial
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from vtrack_ros.trackers.base import Estimate, Tracker
 from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.discriminative_observation import DiscriminativeObservation
 from vtrack_ros.trackers.observation import Conclusion, CueObservation, Observation
-from vtrack_ros.trackers.out_of_sight import covariance_after, state_after
+from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]
 
@@ -173,13 +172,12 @@ class ParticleTracker(Tracker):
 
     def _estimate(self, conclusion: Conclusion, covariance: Array, boxes: Array) -> Estimate:
         center_x, center_y, width, height = conclusion.box.tolist()
-        area, unseen = width * height, conclusion.unseen_frames
-        covariance = (covariance + area * self._observation.unknown
-                      + covariance_after(unseen, math.sqrt(area)))
+        unseen = conclusion.unseen_frames
+        unknown = unknown_covariance(*self._observation.errors, width * height, unseen)
         return Estimate(
             box=Box.from_center(center_x, center_y, width, height), angle=0.0,
-            covariance=covariance, confidence=conclusion.confidence, state=state_after(unseen),
-            particles=boxes)
+            covariance=covariance + unknown, confidence=conclusion.confidence,
+            state=state_after(unseen), particles=boxes)
 
 
 class ColourParticleFilter(ParticleTracker):

@@ -100,9 +100,8 @@ class Sighting:
     def climb(self, start: Point) -> Point:
         """Return the local maximum of the evidence that is uphill from a place, in pixels."""
         column, row = (
-            min(max(round((place - center) / cell) + middle, 0), 2 * middle - 1)
-            for place, center, cell, middle in zip(
-                start, self.view.center, self.cell, self._middle))
+            min(max(round(cells) + middle, 0), 2 * middle - 1)
+            for cells, middle in zip(self.shift(start), self._middle))
         while True:
             top, left = max(0, row - 2), max(0, column - 2)
             near = self.evidence[top:row + 3, left:column + 3]
