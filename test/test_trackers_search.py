@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 from drawn_video import box_at, DrawnVideo, TARGET, texture
 import numpy as np
 import pytest
 
+from vtrack_ros.bags import BagReader
 from vtrack_ros.trackers import create_tracker, TrackState
 from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 
@@ -86,6 +89,23 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
     for _ in range(5):
         estimate = tracker.update(video.frame(there))
     assert estimate.state is TrackState.TRACKING
+
+
+def test_a_target_that_left_is_seldom_taken_for_another(repository):
+    """Of the frames without it, among other walkers, less than a quarter are called tracking."""
+    with BagReader(repository / 'bags' / 'leave_and_return') as bag:
+        truth = bag.truth()
+        frames = [(image.frame, truth[image.stamp]) for image in bag.frames()]
+    first, box = frames[0]
+    taken = []
+    for name, seed in itertools.product(('gmpf', 'pqkpf', 'abmspf', 'appf'), range(3)):
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(first, box)
+        estimates = [tracker.update(frame) for frame, _ in frames[1:]]
+        taken += [estimate.measured for estimate, (_, box_now) in zip(estimates, frames[1:])
+                  if box_now is None]
+        assert estimates[-1].measured and estimates[-1].box.iou(frames[-1][1]) > 0.5
+    assert np.mean(taken) < 0.25
 
 
 @pytest.mark.parametrize('name', NAMES)

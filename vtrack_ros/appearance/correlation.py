@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -110,6 +110,24 @@ class CorrelationFilter:
         half: Spectrum = over_rows[rows] @ correlated
         response: NDArray[np.float32] = half.view(np.float32) @ over_columns[:, columns]
         return response
+
+    def confined(self, width: float, height: float) -> CorrelationFilter:
+        """
+        Return the filter without what it knows of a target's surroundings.
+
+        Parameters
+        ----------
+        width, height : float, [cells]
+            The target's; what is further from its middle has no influence on the response there.
+
+        """
+        rows, columns = self.taper.shape
+        kernel = np.fft.irfft2(self._conjugate / self._divisor, (rows, columns))
+        down, across = (np.abs(np.fft.fftfreq(cells) * cells) for cells in (rows, columns))
+        kernel *= np.clip(height / 2 + 0.5 - down, 0, 1)[:, None]
+        kernel *= np.clip(width / 2 + 0.5 - across, 0, 1)
+        numerator = np.fft.rfft2(kernel).conj() * self._divisor
+        return replace(self, numerator=numerator.astype(np.complex64))
 
     @cached_property
     def _conjugate(self) -> Spectrum:

@@ -226,27 +226,11 @@ class TargetModel:
         """Tell whether a target `shift` cells from a view's centre is seen as well as in it."""
         return max(abs(shift[0]), abs(shift[1])) <= _CENTRED
 
-    def likeness(self, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> float:
-        """
-        Return how much a place looks like what was learned: about 1 if it's the same.
-
-        The correlation filter's highest response within two cells of the place. Since the filter
-        was learned against its surroundings, this tells the target from them far better than a
-        likeness of features does.
-
-        Parameters
-        ----------
-        spectrum : ndarray of complex64
-            Of a view.
-        shift : tuple of float, [cells]
-            The place from the view's centre.
-
-        """
-        row = min(max(round(shift[1]) + self.layout.rows // 2, 0), self.layout.rows - 1)
-        column = min(max(round(shift[0]) + self.layout.columns // 2, 0), self.layout.columns - 1)
-        near = self.correlation.response(
-            spectrum, slice(max(0, row - 2), row + 3), slice(max(0, column - 2), column + 3))
-        return float(near.max())
+    def mean_probability(self, view: View, shift: Point = (0.0, 0.0)) -> float:
+        """Return the mean foreground probability of a target `shift` cells from the centre."""
+        top, bottom, left, right = self._rectangle(shift)
+        colours = view.colours[max(0, top):max(0, bottom), max(0, left):max(0, right)]
+        return float(self.foreground.probability(colours).mean()) if colours.size else 0.0
 
     def _in_samples(self, shift: Point) -> Point:
         """Return a place in a view's own pixels, from its place from the view's centre."""

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.first_look import FirstLook
 from vtrack_ros.appearance.foreground import box_mean, colour_index
 from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
@@ -38,9 +39,8 @@ _WORTH_VERIFYING = 0.5
 #: The scale changes slowly: it's looked at and learned in every fourth frame, and in the frame
 #: after one in which it changed by this logarithm; colours in every second one.
 _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
-#: Likeness at which on and off the target are even, and the width of the transition. On the target
-#: 95 % of all likenesses are above 0.10, off it 90 % are below 0.09.
-_EVEN_LIKENESS, _LIKENESS_SPREAD = 0.09, 0.02
+#: Likeness at which on and off the target are even, and the width of the transition.
+_EVEN_LIKENESS, _LIKENESS_SPREAD = 0.085, 0.02
 #: A target that's plain to see is told from textures that look a little like everything.
 _EVEN_SHARE = 0.2
 #: The target is looked for on its straight way on for that long.
@@ -74,7 +74,7 @@ class DiscriminativeTarget:
     def start(self, frame: Frame, center: Point, size: Point) -> None:
         """Begin on a target of that centre and size, in pixels."""
         model = TargetModel.create(frame, center, size)
-        self._first = model
+        self._first = FirstLook.of(model, model.view(frame, center, size))
         self.live = Hypothesis(model, center, size, 1.0, 1.0)
         self._first_size = size
         self._snapshot: Hypothesis | None = None
@@ -188,7 +188,7 @@ class DiscriminativeTarget:
         if self._frames % _COLOURS_EVERY == 1:
             model = model.learned_colours(view, shift)
         model = model.learned(spectrum, shift)
-        self.likeness = self._first.likeness(spectrum, shift)
+        self.likeness = self._first.likeness(view, spectrum, shift)
         return Hypothesis(model, center, size, live.evidence_mean, live.likeness_mean)
 
     def _judge(self, before: Hypothesis, peak: float, dt: float) -> None:
@@ -252,7 +252,7 @@ class DiscriminativeTarget:
             if not away.any():
                 continue
             view = snapshot.model.view(frame, center, snapshot.size)
-            likeness = self._first.likeness(snapshot.model.transform(view))
+            likeness = self._first.likeness(view, snapshot.model.transform(view))
             if best is None or likeness > best[0]:
                 best = likeness, center
         return best

@@ -1,0 +1,85 @@
+"""The first look: what tells a target from where it was, and from what looks a little like it."""
+
+from __future__ import annotations
+
+from drawn_video import DrawnVideo, SIZE, TARGET
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.correlation import CorrelationFilter
+from vtrack_ros.appearance.first_look import FirstLook
+from vtrack_ros.appearance.target import TargetModel
+
+MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
+
+
+def learned(frame, center=MIDDLE):
+    """Return the first look of the target at a place."""
+    model = TargetModel.create(frame, center, TARGET)
+    return FirstLook.of(model, model.view(frame, center, TARGET))
+
+
+def likeness(look, frame, center=MIDDLE):
+    """Return how much a place looks like it."""
+    view = look.model.view(frame, center, TARGET)
+    return look.likeness(view, look.model.transform(view))
+
+
+def test_a_confined_filter_sees_the_target_alone():
+    """Whatever the surroundings are, its response in the middle is the same."""
+    rng = np.random.default_rng(0)
+    empty = CorrelationFilter.create(20, 24, 1.5)
+    features = rng.normal(size=(4, 20, 24)).astype(np.float32)
+    whole = empty.learned(empty.transform(features), 1.0)
+    part = whole.confined(8.0, 6.0)
+    other = rng.normal(size=features.shape).astype(np.float32)
+    # a cell further than half the target, whose border may lie in a cell
+    other[:, 10 - 4:10 + 5, 12 - 5:12 + 6] = features[:, 10 - 4:10 + 5, 12 - 5:12 + 6]
+    here, there = (filter_.response(empty.transform(one))[10, 12]
+                   for filter_, one in ((part, features), (part, other)))
+    assert there == pytest.approx(here, abs=1e-4)
+    assert abs(whole.response(empty.transform(other))[10, 12]
+               - whole.response(empty.transform(features))[10, 12]) > 0.1
+
+
+def test_a_filter_confined_to_the_whole_window_is_the_filter():
+    """Nothing is cut off."""
+    empty = CorrelationFilter.create(20, 24, 1.5)
+    features = np.random.default_rng(1).normal(size=(4, 20, 24)).astype(np.float32)
+    spectrum = empty.transform(features)
+    whole = empty.learned(spectrum, 1.0)
+    np.testing.assert_allclose(
+        whole.confined(48.0, 40.0).response(spectrum), whole.response(spectrum), atol=1e-4)
+
+
+@pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
+def test_the_first_look_itself(colour):
+    """0.75, also a pixel beside it, and in a video as bright again."""
+    frame = DrawnVideo(colour).frame(MIDDLE)
+    look = learned(frame)
+    assert likeness(look, frame) == pytest.approx(0.75, abs=0.01)
+    assert likeness(look, frame, (MIDDLE[0] + 1, MIDDLE[1])) > 0.5
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_the_place_where_it_stood_is_not_the_target(seed):
+    """The surroundings are all there, and answer: less than a fifth of what the target does."""
+    video = DrawnVideo(seed=seed)
+    look = learned(video.frame(MIDDLE))
+    empty = video.frame(None)
+    view = look.model.view(empty, MIDDLE, TARGET)
+    spectrum = look.model.transform(view)
+    assert look.likeness(view, spectrum) < 0.2 * 0.75
+    assert look.likeness(view, spectrum) < look.model.correlation.response(spectrum).max()
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_other_colours_make_it_less_alike(seed):
+    """The same pattern with red and blue exchanged."""
+    video = DrawnVideo(seed=seed)
+    look = learned(video.frame(MIDDLE))
+    frame, other = video.frame(MIDDLE), video.frame(None)
+    box = tuple(slice(int(middle - side / 2), int(middle + side / 2))
+                for middle, side in zip(MIDDLE[::-1], TARGET[::-1]))
+    other[box] = frame[box][..., ::-1]
+    assert likeness(look, other) < 0.8 * likeness(look, frame)
