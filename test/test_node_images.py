@@ -102,13 +102,19 @@ def test_encodings(client, process, name, padding):
         assert overlap(answer, SCENE.box(index)) > 0.5, (index, process.log)
 
 
-def test_encoding_changes_in_mid_stream(client):
-    """From colour to another colour order the target stays; to grey it starts from nothing."""
+def test_encoding_changes_in_mid_stream(client, process):
+    """From colour to another colour order the target stays; a change to grey forgets it."""
     assert overlap(send(client, SCENE.frame(0)), SCENE.box(0)) > 0.5
     answer = send(client, np.ascontiguousarray(SCENE.frame(1)[..., ::-1]), 'rgb8')
     assert overlap(answer, SCENE.box(1)) > 0.5
     answer = send(client, SCENE.frame(2))
     assert overlap(answer, SCENE.box(2)) > 0.5
+    since = len(process.log)
+    assert not send(client, luma(SCENE.frame(3))).detections
+    process.wait_for_log('the images changed from colour to grey', since)
+    assert client.change(init_box=SCENE.box(4).as_array().tolist())[0].successful
+    assert overlap(send(client, luma(SCENE.frame(4))), SCENE.box(4)) > 0.9
+    assert overlap(send(client, luma(SCENE.frame(5))), SCENE.box(5)) > 0.5
 
 
 def test_size_changes_in_mid_stream(client, process):
@@ -117,7 +123,7 @@ def test_size_changes_in_mid_stream(client, process):
     since = len(process.log)
     small = np.ascontiguousarray(SCENE.frame(1)[:100, :100])
     assert not send(client, small).detections
-    process.wait_for_log('image size changed', since)
+    process.wait_for_log('image size changed from 160 x 120 to 100 x 100', since)
     assert not send(client, SCENE.frame(2)).detections
     assert client.change(init_box=SCENE.box(3).as_array().tolist())[0].successful
     assert overlap(send(client, SCENE.frame(3)), SCENE.box(3)) > 0.9

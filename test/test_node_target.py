@@ -163,3 +163,38 @@ def test_the_warm_up_is_no_target(scripted):
     """What was loaded at the start leaves no trace."""
     follow, log = target()
     assert follow.word == 'waiting' and follow.estimate is None and log.said == []
+
+
+@pytest.mark.parametrize('picture, words', [
+    (np.zeros((80, 90), np.uint8), 'the image size changed from 100 x 100 to 90 x 80'),
+    (np.zeros((100, 100, 3), np.uint8), 'the images changed from grey to colour')])
+def test_frames_of_another_shape_forget_the_target(scripted, picture, words):
+    """The log says what is different, and the new frames are as good as the old ones."""
+    follow, log = target(init_box=[10, 10, 20, 20])
+    assert follow.update(frame(), 0) is not None
+    assert follow.update(picture, STEP) is None
+    assert log.said[-1] == f'{words}: the target is forgotten'
+    follow.on_detection(detection())
+    assert follow.update(picture, 2 * STEP) is not None
+
+
+def test_selection_on_a_frame_of_another_shape(scripted):
+    """Nobody can catch up from it: it's refused, and no start is told of that wasn't one."""
+    follow, log = target()
+    follow.update(np.zeros((80, 90), np.uint8), 10**9)
+    follow.update(frame(), 10**9 + STEP)
+    follow.update(frame(), 10**9 + 2 * STEP)
+    follow.on_detection(detection(stamp=10**9 - STEP))
+    assert follow.update(frame(), 10**9 + 3 * STEP) is None
+    assert not any('started' in line for line in log.said)
+    assert 'too old: frames are kept from 1.0333' in log.said[-1]
+
+
+def test_selection_of_the_future_does_not_shut_the_detector_out(scripted):
+    """One that came before the first frame, with a stamp of another clock, is refused by it."""
+    follow, log = target()
+    follow.on_detection(detection(stamp=10**18))
+    assert follow.update(frame(), 0) is None
+    assert 'in the future' in log.said[-1]
+    follow.on_detections(detections(detection()))
+    assert follow.update(frame(), STEP) is not None

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.selection import FrameHistory, Selection, Selector, TOLERANCE
+from vtrack_ros.ros.history import FrameHistory
+from vtrack_ros.ros.selection import LEAST_SIDE, Selection, Selector
 
 SECOND = 10**9
 
@@ -48,6 +49,14 @@ def test_history_clears_when_stamps_go_backwards():
     assert len(kept) == 1 and kept.nbytes == 10_000
 
 
+def test_history_clears_when_the_shape_changes():
+    """Nobody can catch up through frames of another size, or grey ones."""
+    for other in (frame(side=50), np.zeros((100, 100, 3), np.uint8)):
+        kept = history(stamps=[10, 20, 30])
+        kept.append(40, other)
+        assert (kept.oldest, kept.newest, kept.nbytes) == (40, 40, other.nbytes)
+
+
 def test_since_takes_the_nearest():
     """Between two frames the nearer one is meant."""
     kept = history(stamps=[100, 200, 300])
@@ -84,28 +93,85 @@ def test_selection_before_any_frame():
     selector = Selector(kept)
     selector.select(Selection(Box(1, 1, 9, 9), 'test', 5 * SECOND))
     assert selector.ready() is None
-    kept.append(5 * SECOND + TOLERANCE + 1, frame())
-    with pytest.raises(ValueError, match='never received'):
+    kept.append(5 * SECOND + SECOND // 2, frame())
+    with pytest.raises(ValueError, match='of its stamp 5.000000000 s is not there'):
         selector.ready()
     assert selector.pending is None
 
 
-@pytest.mark.parametrize('stamp, words', [
-    (1 * SECOND, 'too old'), (100 * SECOND, 'in the future')])
-def test_selection_out_of_reach(stamp, words):
+def test_selection_that_is_too_old():
     """What can't be had is refused at once, and what was pending stays."""
     selector = Selector(history(stamps=[10 * SECOND, 11 * SECOND]))
     first = Selection(Box(1, 1, 9, 9), 'test')
     selector.select(first)
-    with pytest.raises(ValueError, match=words):
-        selector.select(Selection(Box(1, 1, 9, 9), 'test', stamp))
+    with pytest.raises(ValueError, match='too old'):
+        selector.select(Selection(Box(1, 1, 9, 9), 'test', 1 * SECOND))
     assert selector.pending is first
 
 
+@pytest.mark.parametrize('stamps', [[], [10 * SECOND, 11 * SECOND]])
+def test_selection_in_the_future(stamps):
+    """A stamp of another clock is refused with the next frame, whatever came before it."""
+    kept = history(stamps=stamps)
+    selector = Selector(kept)
+    selector.select(Selection(Box(1, 1, 9, 9), 'test', 10**18))
+    kept.append(12 * SECOND, frame())
+    with pytest.raises(ValueError, match='in the future'):
+        selector.ready()
+    assert selector.pending is None and selector.ready() is None
+
+
+def test_selection_after_a_pause():
+    """The frames that were kept before it don't tell what time it is now."""
+    kept = history(stamps=[10 * SECOND, 10 * SECOND + SECOND // 10])
+    selector = Selector(kept)
+    selector.select(Selection(Box(1, 1, 9, 9), 'test', 60 * SECOND))
+    kept.append(60 * SECOND, frame(7))
+    _, frames = selector.ready()
+    assert [(stamp, int(pixels[0, 0])) for stamp, pixels in frames] == [(60 * SECOND, 7)]
+
+
+@pytest.mark.parametrize('seconds, megabytes, parameter', [
+    (2.0, 0.05, 'history_megabytes'), (0.15, 1.0, 'history_seconds')])
+def test_selection_never_starts_on_other_pixels(seconds, megabytes, parameter):
+    """A frame that's no longer kept isn't replaced by a later one; what keeps more is named."""
+    stamps = [10 * SECOND + i * SECOND // 30 for i in range(20)]
+    selector = Selector(history(seconds, megabytes, stamps))
+    with pytest.raises(ValueError, match=f'too old: frames are kept from 10.*; raise {parameter} '):
+        selector.select(Selection(Box(1, 1, 9, 9), 'test', stamps[8]))
+    # One that may have been lost on the way is as good as its neighbour.
+    selector.select(Selection(Box(1, 1, 9, 9), 'test', stamps[17] + SECOND // 60))
+    _, frames = selector.ready()
+    assert frames[0][0] in stamps[17:19]
+
+
+def test_selection_on_a_frame_that_was_lost():
+    """In the midst of a gap there's no frame that could be meant."""
+    stamps = [i * SECOND // 30 for i in [*range(10), *range(16, 20)]]
+    selector = Selector(history(stamps=stamps))
+    selector.select(Selection(Box(1, 1, 9, 9), 'test', 13 * SECOND // 30))
+    with pytest.raises(ValueError, match='is not there; the nearest one is of'):
+        selector.ready()
+
+
 def test_box_on_a_frame():
-    """A region is clamped, a box isn't, and neither may lie outside."""
+    """A region is clamped, a box may reach beyond the image."""
     picture = frame(side=50)
     assert Selection(Box(40, 40, 100, 100), 'a', clamp=True).box_on(picture) == Box(40, 40, 10, 10)
-    assert Selection(Box(40, 40, 100, 100), 'a').box_on(picture) == Box(40, 40, 100, 100)
-    with pytest.raises(ValueError, match='no pixel inside the image of 50 x 50'):
-        Selection(Box(50, 0, 5, 5), 'a').box_on(picture)
+    assert Selection(Box(40, 40, 18, 18), 'a').box_on(picture) == Box(40, 40, 18, 18)
+    least = Box(0, 0, LEAST_SIDE, LEAST_SIDE)
+    assert Selection(least, 'a').box_on(picture) == least
+
+
+@pytest.mark.parametrize('box, clamp, words', [
+    (Box(50, 0, 5, 5), False, 'no pixel inside the image of 50 x 50'),
+    (Box(50, 0, 5, 5), True, 'no pixel inside the image of 50 x 50'),
+    (Box(40, 40, 100, 100), False, r'centre \(90, 90\) outside the image of 50 x 50'),
+    (Box(-30, 10, 40, 10), False, r'centre \(-10, 15\) outside'),
+    (Box(20, 20, 0.2, 20), False, 'at least 2 px'),
+    (Box(20, 20, 20, 1.9), False, 'at least 2 px'),
+    (Box(49, 20, 20, 20), True, 'at least 2 px')])
+def test_box_that_cannot_be_followed(box, clamp, words):
+    """What shows next to nothing of a target is refused, with what's valid."""
+    with pytest.raises(ValueError, match=words):
+        Selection(box, 'a', clamp=clamp).box_on(frame(side=50))

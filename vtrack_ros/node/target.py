@@ -10,9 +10,10 @@ import numpy as np
 from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
 from vtrack_ros.node.quiet_log import Log, QuietLog
+from vtrack_ros.ros.history import FrameHistory
 from vtrack_ros.ros.parameters import INIT_BOX, Settings
 from vtrack_ros.ros.selection import (
-    best_detection, FrameHistory, from_detection, from_roi, Selection, Selector)
+    best_detection, from_detection, from_roi, Selection, Selector)
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, TrackState
 
 _FROM_PARAMETER = f'parameter {INIT_BOX}'
@@ -38,6 +39,7 @@ class Target:
         self._history = FrameHistory(
             settings.number('history_seconds'), settings.number('history_megabytes'))
         self._selector = Selector(self._history)
+        self._shape: tuple[int, ...] = ()
         self._count = 0
         self.identity = ('target', '')
         self._warm_up()
@@ -77,6 +79,7 @@ class Target:
             When they were taken.
 
         """
+        shape, self._shape = self._shape, frame.shape
         self._history.append(stamp, frame)
         before = self.estimate
         try:
@@ -88,7 +91,7 @@ class Target:
             self._follower.forget()
             return None
         if before is not None and estimate is None:
-            self._log.warning('the image size changed: the target is forgotten')
+            self._log.warning(f'{_change(shape, frame.shape)}: the target is forgotten')
         return estimate
 
     def on_detection(self, message: Any) -> None:
@@ -99,7 +102,7 @@ class Target:
             self._refuse('~/init', error)
 
     def on_roi(self, message: Any) -> None:
-        """Take a sensor_msgs/msg/RegionOfInterest of the newest frame as the target."""
+        """Take a sensor_msgs/msg/RegionOfInterest of the next frame as the target."""
         try:
             self._selector.select(from_roi(message, '~/init_roi'))
         except (TypeError, ValueError) as error:
@@ -197,3 +200,12 @@ class Target:
 
     def _refuse(self, source: str, error: Exception) -> None:
         self._quiet.error(f'{source} refused: {error}')
+
+
+def _change(before: tuple[int, ...], now: tuple[int, ...]) -> str:
+    """Say what is different in frames of another shape."""
+    if before[:2] != now[:2]:
+        sizes = [' x '.join(map(str, shape[1::-1])) for shape in (before, now)]
+        return f'the image size changed from {sizes[0]} to {sizes[1]}'
+    kinds = ['colour' if len(shape) == 3 else 'grey' for shape in (before, now)]
+    return f'the images changed from {kinds[0]} to {kinds[1]}'

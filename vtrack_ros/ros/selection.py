@@ -1,18 +1,20 @@
-"""Selecting the target: boxes out of messages, and the frames that they were drawn on."""
+"""Selecting the target: boxes out of messages, started on the frames they were drawn on."""
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 import math
 from typing import Any
 
 from vtrack_ros.geometry import Box
+from vtrack_ros.ros.history import FrameHistory, seconds
 from vtrack_ros.ros.images import stamp_nanoseconds
 from vtrack_ros.trackers import Frame
 
-#: How far a selection's stamp may be from the frame it's taken for, in nanoseconds.
-TOLERANCE = 500_000_000
+#: How far ahead of the frames a selection may be however few are kept, in nanoseconds.
+LEAST_AHEAD = 500_000_000
+#: The shortest side of a box that can be followed, in pixels.
+LEAST_SIDE = 2.0
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Selection:
     source : str
         Who pointed it out, for messages: a topic or a parameter.
     stamp : int or None, [ns]
-        The stamp of the frame it was drawn on; None: the newest frame.
+        The stamp of the frame it was drawn on; None: the next frame.
     clamp : bool
         Whether only the part inside the image is meant.
     class_id, target_id : str
@@ -48,16 +50,23 @@ class Selection:
         Raises
         ------
         ValueError
-            If it has no part inside the frame.
+            If it has no part inside the frame, its centre lies outside, or a side is too short.
 
         """
         height, width = frame.shape[:2]
         inside = self.box.clipped(width, height)
+        box = inside if inside is not None and self.clamp else self.box
+        name = f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g})'
         if inside is None:
-            raise ValueError(
-                f'box ({self.box.x:g}, {self.box.y:g}, {self.box.width:g}, {self.box.height:g}) '
-                f'has no pixel inside the image of {width} x {height}')
-        return inside if self.clamp else self.box
+            raise ValueError(f'{name} has no pixel inside the image of {width} x {height}')
+        x, y = box.center
+        if not (0 <= x <= width and 0 <= y <= height):
+            raise ValueError(f'{name} has its centre ({x:g}, {y:g}) outside the image of '
+                             f'{width} x {height}; the centre must be inside')
+        if min(box.width, box.height) < LEAST_SIDE:
+            raise ValueError(f'{name} is too small; width and height must be at least '
+                             f'{LEAST_SIDE:g} px')
+        return box
 
 
 def from_detection(message: Any, source: str) -> Selection:
@@ -151,69 +160,6 @@ def best_detection(message: Any, class_id: str, score: float, source: str) -> Se
     return max(found, key=lambda pair: pair[0])[1] if found else None
 
 
-class FrameHistory:
-    """
-    The latest frames, bounded both in time and in memory.
-
-    Parameters
-    ----------
-    seconds : float
-        How old a frame may be.
-    megabytes : float
-        How much memory the frames may take; the newest frame is kept whatever it takes.
-
-    """
-
-    def __init__(self, seconds: float, megabytes: float) -> None:
-        self.seconds = seconds
-        self.megabytes = megabytes
-        self._frames: deque[tuple[int, Frame]] = deque()
-        self._bytes = 0
-
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self._frames)
-
-    @property
-    def nbytes(self) -> int:
-        """Return the memory that the frames take, in bytes."""
-        return self._bytes
-
-    @property
-    def newest(self) -> int | None:
-        """Return the newest frame's stamp in nanoseconds; None where there is no frame."""
-        return self._frames[-1][0] if self._frames else None
-
-    @property
-    def oldest(self) -> int | None:
-        """Return the oldest frame's stamp in nanoseconds; None where there is no frame."""
-        return self._frames[0][0] if self._frames else None
-
-    def append(self, stamp: int, frame: Frame) -> None:
-        """Add a frame; a stamp that goes backwards clears what came before."""
-        if self._frames and stamp < self._frames[-1][0]:
-            self.clear()
-        self._frames.append((stamp, frame))
-        self._bytes += frame.nbytes
-        while len(self._frames) > 1 and (
-                self._bytes > self.megabytes * 1e6
-                or stamp - self._frames[0][0] > self.seconds * 1e9):
-            self._bytes -= self._frames.popleft()[1].nbytes
-
-    def clear(self) -> None:
-        """Forget all frames."""
-        self._frames.clear()
-        self._bytes = 0
-
-    def since(self, stamp: int | None) -> list[tuple[int, Frame]]:
-        """Return the frame nearest to `stamp` and all later ones; None: the newest frame alone."""
-        frames = list(self._frames)
-        if stamp is None:
-            return frames[-1:]
-        nearest = min(range(len(frames)), key=lambda i: abs(frames[i][0] - stamp), default=0)
-        return frames[nearest:]
-
-
 class Selector:
     """
     Holds a selection until the frame that it was drawn on is there.
@@ -244,43 +190,42 @@ class Selector:
         Raises
         ------
         ValueError
-            If its frame is no longer there, or is too far ahead to be ever seen.
+            If its frame is no longer there.
 
         """
-        stamp, oldest, newest = selection.stamp, self._history.oldest, self._history.newest
-        if stamp is not None and oldest is not None and newest is not None:
-            kept = (f'frames are kept from {_seconds(oldest)} to {_seconds(newest)} s; a stamp '
-                    'of 0 takes the newest frame')
-            if stamp < oldest - TOLERANCE:
-                raise ValueError(f'its stamp {_seconds(stamp)} s is too old: {kept}')
-            ahead = max(self._history.seconds * 1e9, TOLERANCE)
-            if stamp > newest + ahead:
-                raise ValueError(f'its stamp {_seconds(stamp)} s is in the future: {kept}')
+        stamp, oldest = selection.stamp, self._history.oldest
+        if stamp is not None and oldest is not None and stamp < oldest - self._history.tolerance:
+            raise ValueError(
+                f'its stamp {seconds(stamp)} s is too old: {self._history.instead(stamp)}')
         self._pending = selection
 
     def ready(self) -> tuple[Selection, list[tuple[int, Frame]]] | None:
         """
         Return the selection and the frames to start and go on with, once its frame is there.
 
+        To be asked when a frame has come: only then is it known what time it is for the camera,
+        which may have been paused, or may not have begun, when the selection was made.
+
         Raises
         ------
         ValueError
-            If its frame never came.
+            If its frame isn't there, or too far ahead to be ever seen; it's forgotten then.
 
         """
         selection, newest = self._pending, self._history.newest
         if selection is None or newest is None:
             return None
-        if selection.stamp is not None and newest < selection.stamp:
-            return None
-        self._pending = None
-        frames = self._history.since(selection.stamp)
-        if selection.stamp is not None and abs(frames[0][0] - selection.stamp) > TOLERANCE:
+        stamp = selection.stamp
+        if stamp is not None and newest < stamp:
+            if stamp <= newest + max(self._history.seconds * 1e9, LEAST_AHEAD):
+                return None
+            self._pending = None
             raise ValueError(
-                f'the frame of its stamp {_seconds(selection.stamp)} s was never received; the '
-                f'nearest one is of {_seconds(frames[0][0])} s')
+                f'its stamp {seconds(stamp)} s is in the future: {self._history.instead(stamp)}')
+        self._pending = None
+        frames = self._history.since(stamp)
+        if stamp is not None and abs(frames[0][0] - stamp) > self._history.tolerance:
+            raise ValueError(
+                f'the frame of its stamp {seconds(stamp)} s is not there; the nearest one is of '
+                f'{seconds(frames[0][0])} s: {self._history.instead(stamp)}')
         return selection, frames
-
-
-def _seconds(stamp: int) -> str:
-    return f'{stamp // 10**9}.{stamp % 10**9:09d}'

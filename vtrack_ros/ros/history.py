@@ -1,0 +1,105 @@
+"""The latest frames, kept for selections that were drawn on them and come late."""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+
+from vtrack_ros.frame import Frame
+
+#: How far a stamp may be from the frame that it means, in intervals of the frames.
+TOLERANCE = 1.5
+#: The interval of frames that too few came of to tell, in nanoseconds.
+USUAL_INTERVAL = 100_000_000
+
+
+class FrameHistory:
+    """
+    The latest frames, bounded both in time and in memory.
+
+    Parameters
+    ----------
+    seconds : float
+        How old a frame may be.
+    megabytes : float
+        How much memory the frames may take; the newest frame is kept whatever it takes.
+
+    """
+
+    def __init__(self, seconds: float, megabytes: float) -> None:
+        self.seconds = seconds
+        self.megabytes = megabytes
+        self._frames: deque[tuple[int, Frame]] = deque()
+        self._bytes = 0
+        self._intervals: deque[int] = deque(maxlen=15)
+        self._limit = ''
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self._frames)
+
+    @property
+    def nbytes(self) -> int:
+        """Return the memory that the frames take, in bytes."""
+        return self._bytes
+
+    @property
+    def newest(self) -> int | None:
+        """Return the newest frame's stamp in nanoseconds; None where there is no frame."""
+        return self._frames[-1][0] if self._frames else None
+
+    @property
+    def oldest(self) -> int | None:
+        """Return the oldest frame's stamp in nanoseconds; None where there is no frame."""
+        return self._frames[0][0] if self._frames else None
+
+    @property
+    def tolerance(self) -> float:
+        """Return how far a stamp may be from a frame that it means, in nanoseconds."""
+        return TOLERANCE * (median(self._intervals) if self._intervals else USUAL_INTERVAL)
+
+    def instead(self, stamp: int) -> str:
+        """Say which frames are kept, and what to do for one of `stamp`, which isn't."""
+        oldest, newest = self._frames[0][0], self._frames[-1][0]
+        more = f'raise {self._limit} to keep more, ' if stamp < oldest and self._limit else ''
+        return (f'frames are kept from {seconds(oldest)} to {seconds(newest)} s; {more}'
+                'a stamp of 0 takes the next frame')
+
+    def append(self, stamp: int, frame: Frame) -> None:
+        """Add a frame; a stamp that goes backwards, or another shape, clears what came before."""
+        if self._frames:
+            newest, last = self._frames[-1]
+            if stamp < newest or frame.shape != last.shape:
+                self.clear()
+            elif stamp > newest:
+                self._intervals.append(stamp - newest)
+        self._frames.append((stamp, frame))
+        self._bytes += frame.nbytes
+        while len(self._frames) > 1:
+            if self._bytes > self.megabytes * 1e6:
+                self._limit = 'history_megabytes'
+            elif stamp - self._frames[0][0] > self.seconds * 1e9:
+                self._limit = 'history_seconds'
+            else:
+                break
+            self._bytes -= self._frames.popleft()[1].nbytes
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self._frames.clear()
+        self._intervals.clear()
+        self._bytes = 0
+        self._limit = ''
+
+    def since(self, stamp: int | None) -> list[tuple[int, Frame]]:
+        """Return the frame nearest to `stamp` and all later ones; None: the newest frame alone."""
+        frames = list(self._frames)
+        if stamp is None:
+            return frames[-1:]
+        nearest = min(range(len(frames)), key=lambda i: abs(frames[i][0] - stamp), default=0)
+        return frames[nearest:]
+
+
+def seconds(stamp: int) -> str:
+    """Return a stamp in nanoseconds as text in seconds, to the last digit."""
+    return f'{stamp // 10**9}.{stamp % 10**9:09d}'
