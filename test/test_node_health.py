@@ -5,7 +5,7 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
-from node_harness import Client, diagnosis, NodeProcess, overlap, Scene, STEP
+from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
 import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -48,16 +48,19 @@ def test_diagnostics_tell_the_flow(client):
     """Rate, latency, processing and counts of the images; the target's state beside them."""
     for index in range(40):
         assert send(client, index).detections
+    level, _, values = diagnosis(client, '/tracker: target',
+                                 lambda row, values: row.message == 'tracking')
+    assert level == b'\x00' and values['tracker'] == 'gmpf' and values['box'] == 'measured'
+    for index in range(40, 50):
+        assert send(client, index).detections
     _, _, values = diagnosis(client, '/tracker: images',
-                             lambda row, values: int(values['frames received']) >= 40)
+                             lambda row, values: int(values['frames received']) >= 50)
     assert float(values['frame rate'].split()[0]) > 0
     assert 0 < float(values['processing p50'].split()[0]) <= float(
         values['processing p99'].split()[0])
     assert 0 < float(values['latency p50'].split()[0]) < 10_000
     assert values['frames malformed'] == '0' and values['QoS mismatches'] == 'none'
     assert values['reliability'] == 'reliable'
-    level, message, values = diagnosis(client, '/tracker: target', lambda row, values: True)
-    assert message == 'tracking' and level == b'\x00' and values['tracker'] == 'gmpf'
 
 
 def test_missing_frames_are_noticed(client):
@@ -72,6 +75,39 @@ def test_missing_frames_are_noticed(client):
     level, message, _ = diagnosis(client, '/tracker: images',
                                   lambda row, values: 'missing' in row.message)
     assert level == b'\x01' and ('fastdds.xml' in message or 'faster tracker' in message)
+
+
+def test_a_dead_camera_is_no_good_target(client):
+    """When nothing comes any more, nothing is measured any more."""
+    for index in range(3):
+        assert send(client, index).detections
+    level, message, values = diagnosis(
+        client, '/tracker: target', lambda row, values: row.level != b'\x00')
+    assert level == b'\x01' and values['box'] == 'stale'
+    assert message.startswith('tracking, but no image for')
+    state = client.heard['~/state'][-1]
+    assert state.message == 'tracking' and state.level == b'\x01'
+    assert send(client, 3).detections
+    diagnosis(client, '/tracker: target', lambda row, values: row.level == b'\x00')
+
+
+def test_malformed_images_are_told_from_silence(client):
+    """A camera that sends malformed images alone is said to do so, and why."""
+    assert send(client, 0).detections
+    index = 0
+
+    def told():
+        nonlocal index
+        index += 1
+        broken = image_message(SCENE.frame(index), client.start + STEP * index, 'nonsense')
+        client.images.publish(broken)
+        client.executor.spin_once(timeout_sec=0.05)
+        rows = [row for array in client.heard['/diagnostics'] for row in array.status
+                if row.name == '/tracker: images']
+        del client.heard['/diagnostics'][:]
+        return any("images were malformed: unknown image encoding 'nonsense'" in row.message
+                   and row.message.split()[0] == row.message.split()[4] for row in rows)
+    client.until(told, 'not a word of malformed images')
 
 
 def test_lost_and_found(client, process):

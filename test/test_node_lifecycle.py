@@ -36,13 +36,19 @@ def test_from_unconfigured_to_finalized():
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
         for index, answer in enumerate(client.play(SCENE, range(5))):
             assert overlap(answer, SCENE.box(index)) > 0.5
+        assert client.state_after(answer)['state'] == 'tracking'
 
+        heard = len(client.heard['~/state'])
         assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
+        client.until(lambda: len(client.heard['~/state']) > heard, 'inactive without a word')
+        assert client.heard['~/state'][heard].message == 'inactive'
         client.until(lambda: not client.images.get_subscription_count(), 'still takes images')
         assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
-        answer = client.send(SCENE.frame(5), 10**9 + 5 * STEP)
+        # What was sent in the meantime wasn't lost: nobody wanted it.
+        answer = client.send(SCENE.frame(5), 10**9 + 20 * STEP)
         assert overlap(answer, SCENE.box(5)) > 0.4
+        assert client.state_after(answer)['frames_missing'] == '0'
 
         assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
         assert change(client, Transition.TRANSITION_CLEANUP) == State.PRIMARY_STATE_UNCONFIGURED
@@ -52,6 +58,6 @@ def test_from_unconfigured_to_finalized():
         assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
         client.until(lambda: client.node.count_publishers('/detections'), 'does not publish')
-        assert not client.send(SCENE.frame(6), 10**9 + 6 * STEP).detections
+        assert not client.send(SCENE.frame(6), 10**9 + 21 * STEP).detections
         assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN) == (
             State.PRIMARY_STATE_FINALIZED)

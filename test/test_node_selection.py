@@ -1,5 +1,6 @@
 """Pointing out the target: by detection, by region, by parameter, by a detector."""
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from node_harness import Client, NodeProcess, overlap, Scene, STEP
 import pytest
 from sensor_msgs.msg import RegionOfInterest
@@ -200,22 +201,78 @@ def test_rotated_init_stands_for_its_bound(client, process):
     assert (first.size_x, first.size_y) == pytest.approx((10, 30), abs=1e-9)
 
 
-def test_reset_enable_reinit(client, process):
-    """The services forget, pause, and start again on the last good box."""
+def test_reset_and_reinit(client, process):
+    """The services forget, and start again on the last good box."""
     assert not client.ask('~/reinit', Trigger).success
     play(client)
     select(client, process, client.init, detection(SCENE.box(client.index)))
     assert client.ask('~/reinit', Trigger).success
     assert overlap(*play(client, 2)[-1]) > 0.4
-    assert client.ask('~/enable', SetBool, data=False).success
-    heard = len(client.heard['detections'])
-    client.send(SCENE.frame(client.index), START + STEP * client.index, answered=False)
-    client.until(lambda: client.heard['~/state'][-1].message == 'paused', 'not paused')
-    assert client.ask('~/enable', SetBool, data=True).success
-    assert len(client.heard['detections']) == heard
-    assert overlap(*play(client, 2)[-1]) > 0.4
+    heard = len(client.heard['~/state'])
     assert client.ask('~/reset', Trigger).success
+    client.until(lambda: 'waiting' in said(client, heard), 'not waiting')
     assert not play(client)[0][0].detections
+
+
+def said(client, since=0):
+    """Return the words of the states that were heard."""
+    return [status.message for status in client.heard['~/state'][since:]]
+
+
+def unanswered(client):
+    """Send the next frame to a node that is paused."""
+    client.send(SCENE.frame(client.index), START + STEP * client.index, answered=False)
+    client.index += 1
+    client.executor.spin_once(timeout_sec=STEP / 1e9)
+
+
+def test_pause(client, process):
+    """While images flow on, the state says paused: to who listens, and to who comes later."""
+    play(client)
+    select(client, process, client.init, detection(SCENE.box(client.index)))
+    before, states = len(client.heard['detections']), len(client.heard['~/state'])
+    assert client.ask('~/enable', SetBool, data=False).success
+    late = []
+
+    def told():
+        unanswered(client)
+        return 'paused' in said(client, states)
+    client.until(told, 'not paused')
+    subscription = client.node.create_subscription(
+        DiagnosticStatus, '/tracker/state', late.append, 10)
+
+    def told_later():
+        unanswered(client)
+        return late
+    client.until(told_later, 'who came later was told nothing')
+    assert late[0].message == 'paused' and late[0].level == b'\x00'
+    assert {row.key: row.value for row in late[0].values}['box'] == 'stale'
+    client.node.destroy_subscription(subscription)
+    for _ in range(5):
+        unanswered(client)
+    assert set(said(client, states)[1:]) == {'paused'}
+    assert len(client.heard['detections']) == before
+    states = len(client.heard['~/state'])
+    assert client.ask('~/enable', SetBool, data=True).success
+    client.until(lambda: 'tracking' in said(client, states), 'resumed without a word')
+    assert len(client.heard['detections']) == before
+    assert client.ask('~/reset', Trigger).success
+    play(client)
+
+
+def test_selection_after_a_pause(client, process):
+    """What is drawn on a frame after a pause is no selection in the future."""
+    play(client)
+    assert client.ask('~/enable', SetBool, data=False).success
+    for _ in range(3):
+        unanswered(client)
+    client.index += 300
+    assert client.ask('~/enable', SetBool, data=True).success
+    since = len(process.log)
+    client.init.publish(detection(SCENE.box(client.index + 2), stamp(client, -3)))
+    rows = play(client, 6)
+    taken(client, process, since)
+    assert overlap(*rows[2]) > 0.9 and overlap(*rows[5]) > 0.4
 
 
 def test_detector_starts_it(client, process):

@@ -95,11 +95,58 @@ def test_malformed_images_and_mismatches_come_first():
     """The worst is said first."""
     flow = FrameFlow()
     feed(flow, range(10))
-    flow.malformed = 3
-    level, text, _ = judge(flow, 10 * STEP)
-    assert level == 1 and text.startswith('3 of the last 13')
-    feed(flow, range(10, 20))
+    for index in range(10, 13):
+        flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
+    level, text, _ = judge(flow, 13 * STEP)
+    assert level == 1 and text == '3 of the last 13 images were malformed: too short'
+    feed(flow, range(13, 20))
     assert judge(flow, 20 * STEP, faults=['QoS mismatch'])[:2] == (2, 'QoS mismatch')
+
+
+def test_malformed_images_are_not_missing():
+    """They came; only those that never came are counted as missing."""
+    flow = FrameFlow()
+    feed(flow, range(10))
+    for index in range(10, 60):
+        if index % 5 == 0:
+            flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
+        elif index % 5 != 1:
+            feed(flow, [index])
+    assert (flow.received, flow.malformed, flow.missing) == (40, 10, 10)
+
+
+def test_stamps_of_malformed_images_are_not_believed():
+    """A spoilt header must not begin another stream, nor hide or make a loss."""
+    flow = FrameFlow()
+    feed(flow, range(10))
+    for stamp in (0, 10**18, 5):
+        flow.spoilt(stamp, 1 + 10 * STEP, 'unknown encoding')
+        feed(flow, [10 + stamp % 7])
+    assert flow.arrived(30 * STEP, 30 * STEP) is False
+
+
+def test_malformed_images_alone_are_no_silence():
+    """A camera that only sends malformed images does send images."""
+    flow = FrameFlow()
+    for index in range(5):
+        flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
+    level, text, _ = judge(flow, 5 * STEP)
+    assert level == 1 and text == '5 of the last 5 images were malformed: too short'
+    assert flow.silence(5 * STEP) < 1 and flow.age(5 * STEP) == math.inf
+
+
+def test_an_interruption_is_no_loss():
+    """While nobody listened nothing could be missed; going backwards is still noticed."""
+    flow = FrameFlow()
+    feed(flow, range(10))
+    judge(flow, 10 * STEP)
+    flow.interrupt()
+    feed(flow, range(25, 35))
+    assert flow.missing == 0
+    # The rate is that of the frames since then.
+    assert float(judge(flow, 34 * STEP + 1)[1].split()[0]) > 29
+    flow.interrupt()
+    assert flow.arrived(5 * STEP, 40 * STEP) is True
 
 
 def test_percentiles():

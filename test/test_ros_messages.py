@@ -69,6 +69,18 @@ def test_covariance_layout():
     assert full[3, 3] == pytest.approx(angles.var(), rel=0.02)
 
 
+@pytest.mark.parametrize('word, state, level', [
+    ('tracking', TrackState.TRACKING, DiagnosticStatus.WARN),
+    ('lost', TrackState.LOST, DiagnosticStatus.ERROR),
+    ('paused', TrackState.TRACKING, DiagnosticStatus.OK),
+    ('inactive', TrackState.LOST, DiagnosticStatus.OK)])
+def test_stale_state(word, state, level):
+    """What was measured a while ago isn't well, unless somebody wanted it so."""
+    status = messages.state_status('/tracker', 'gmpf', word, estimate(state), {}, stale=True)
+    assert (status.message, status.level) == (word, level)
+    assert {row.key: row.value for row in status.values}['box'] == 'stale'
+
+
 @pytest.mark.parametrize('state, level', [
     (TrackState.TRACKING, DiagnosticStatus.OK), (TrackState.SEARCHING, DiagnosticStatus.WARN),
     (TrackState.LOST, DiagnosticStatus.ERROR)])

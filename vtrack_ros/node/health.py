@@ -13,10 +13,13 @@ from vtrack_ros.ros import diagnostics
 from vtrack_ros.ros.outputs import Outputs
 from vtrack_ros.ros.qos import ImageInput
 
+#: After so many seconds without an image what was measured is no longer true.
+LONGEST_SILENCE = 1.0
+
 
 class Health:
     """
-    Watches the flow of images, and reports on /diagnostics.
+    Watches the flow of images, and reports on ~/state and /diagnostics.
 
     Parameters
     ----------
@@ -41,6 +44,7 @@ class Health:
         self._state = state
         self.flow = diagnostics.FrameFlow()
         self.input: ImageInput | None = None
+        self._told = False
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # Simulated time may stand still, and just then somebody wants to know why.
         self._timer = node.create_timer(
@@ -51,17 +55,32 @@ class Health:
         self._node.destroy_timer(self._timer)
         self._node.destroy_publisher(self._publisher)
 
+    @property
+    def stale(self) -> bool:
+        """Return whether no good image has come for so long that it's worth a warning."""
+        return self.flow.age(time.perf_counter_ns()) > LONGEST_SILENCE
+
+    def publish_state(self, make: Callable[[], DiagnosticStatus]) -> None:
+        """Publish the state that `make` returns."""
+        self._outputs.publish_state(make)
+        self._told = True
+
     def _on_timer(self) -> None:
         now = time.perf_counter_ns()
         if self.input is not None:
             self.input.check()
-        if self.flow.silence(now) > 1:
+        # Who comes while nothing happens, or while it's paused, hears of it as well.
+        if not self._told:
             self._outputs.publish_state(self._state)
+        self._told = False
         if self._publisher.get_subscription_count() == 0:
             return
         name = self._node.get_fully_qualified_name()
-        rows = [self._state()]
+        state = self._state()
+        rows = [state]
         if self.input is not None:
+            if state.level != DiagnosticStatus.OK and self.stale:
+                state.message += f', but no image for {self.flow.age(now):.0f} s'
             faults = (*self.input.faults, *self._outputs.mismatches.faults)
             level, text, values = diagnostics.report(
                 self.flow, now, faults, self.input.publishers, self.input.topic)

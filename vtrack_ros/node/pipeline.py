@@ -71,6 +71,7 @@ class Pipeline:
         if self._health.input is not None:
             self._health.input.destroy()
             self._health.input = None
+            self._health.flow.interrupt()
         self._changed()
 
     def destroy(self) -> None:
@@ -93,7 +94,7 @@ class Pipeline:
         try:
             frame = self._convert(message)
         except ValueError as error:
-            flow.malformed += 1
+            flow.spoilt(stamp, began, str(error))
             self._quiet.error(f'image dropped: {error}')
             return
         self._arrived(stamp, began)
@@ -108,8 +109,8 @@ class Pipeline:
         latency = (time.time_ns() - sent) / 1e6 if sent else float('nan')
         if sent:
             flow.latency.append(latency)
-        self._changed()
-        self._outputs.publish_state(lambda: self._state({
+        self._note_change()
+        self._health.publish_state(lambda: self._state({
             'stamp': f'{header.stamp.sec}.{header.stamp.nanosec:09d}',
             'ms_per_frame': f'{compute:.3f}', 'image_sent': str(sent),
             'latency_ms': f'{latency:.3f}'}))
@@ -153,6 +154,11 @@ class Pipeline:
             self._target.begin_stream()
 
     def _changed(self) -> None:
+        """Say what the state is now: something was done to it between two frames."""
+        self._note_change()
+        self._health.publish_state(self._state)
+
+    def _note_change(self) -> None:
         """Say in the log that the state changed, if it did."""
         word = self._target.word
         if self._health.input is None:
@@ -175,7 +181,8 @@ class Pipeline:
             self._target.estimate, {
                 **(values or {}), 'pose_units': self._units,
                 'frames_received': str(flow.received), 'frames_missing': str(flow.missing),
-                'frames_malformed': str(flow.malformed)})
+                'frames_malformed': str(flow.malformed)},
+            stale=self._word in ('paused', 'inactive') or self._health.stale)
 
     def _on_camera_info(self, message: CameraInfo) -> None:
         try:

@@ -50,6 +50,8 @@ class FrameFlow:
     received, malformed, missing : int
         Frames that came, that came broken, and that never came, as the gaps between the stamps
         tell.
+    fault : str
+        What was wrong with the last malformed one.
 
     """
 
@@ -57,11 +59,14 @@ class FrameFlow:
         self.received = 0
         self.malformed = 0
         self.missing = 0
+        self.fault = ''
         self.processing: deque[float] = deque(maxlen=MEMORY)
         self.latency: deque[float] = deque(maxlen=MEMORY)
         self._stamp: int | None = None
+        self._spoilt: deque[int] = deque(maxlen=LONGEST_GAP)
+        self._interrupted = False
         self._metronome = Metronome()
-        self._first_arrival = self._last_arrival = 0
+        self._first_arrival = self._last_arrival = self._last_frame = 0
         self._since = 0
         self._reported = (0, 0, 0)
 
@@ -84,19 +89,46 @@ class FrameFlow:
         """
         self.received += 1
         self._since += 1
-        if not self._first_arrival:
-            self._first_arrival = now
-        self._last_arrival = now
+        self._first_arrival = self._first_arrival or now
+        self._last_arrival = self._last_frame = now
         previous, self._stamp = self._stamp, stamp
+        interrupted, self._interrupted = self._interrupted, False
+        spoilt = list(self._spoilt)
+        self._spoilt.clear()
         if previous is None:
             return False
         if stamp < previous:
             self._metronome = Metronome()
             return True
-        if stamp > previous:
+        if stamp > previous and not interrupted:
             gap = self._metronome.missing(stamp - previous)
-            self.missing += gap if gap < LONGEST_GAP else 0
+            if gap < LONGEST_GAP:
+                self.missing += max(0, gap - sum(previous < one < stamp for one in spoilt))
         return False
+
+    def spoilt(self, stamp: int, now: int, fault: str) -> None:
+        """
+        Count a malformed frame, which came and so isn't missing.
+
+        Parameters
+        ----------
+        stamp : int, [ns]
+            The image's; it's believed only if the next good frame's fits.
+        now : int, [ns]
+            As for `arrived`.
+        fault : str
+            What is wrong with it.
+
+        """
+        self.malformed += 1
+        self.fault = fault
+        self._last_arrival = now
+        self._spoilt.append(stamp)
+
+    def interrupt(self) -> None:
+        """Note that nobody takes frames for a while: what is sent meanwhile isn't missing."""
+        self._interrupted = True
+        self._first_arrival = self._since = 0
 
     def rate(self, now: int) -> float:
         """Return the frames per second since the last call; `now` in ns as for `arrived`."""
@@ -112,8 +144,12 @@ class FrameFlow:
         return (totals[0] - before[0], totals[1] - before[1], totals[2] - before[2])
 
     def silence(self, now: int) -> float:
-        """Return the seconds since the last frame; infinite before the first one."""
+        """Return the seconds since anything came; infinite before the first frame."""
         return (now - self._last_arrival) / 1e9 if self._last_arrival else float('inf')
+
+    def age(self, now: int) -> float:
+        """Return the seconds since the last frame that wasn't malformed; infinite before it."""
+        return (now - self._last_frame) / 1e9 if self._last_frame else float('inf')
 
 
 def percentiles(values: Sequence[float]) -> tuple[float, float]:
@@ -165,12 +201,13 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
         return 2, faults[0], values
     if not publishers:
         return 1, f'nobody publishes {topic}', values
+    if malformed:
+        return 1, (f'{malformed} of the last {received + malformed} images were malformed: '
+                   f'{flow.fault}'), values
     if not received:
         silence = flow.silence(now)
         since = 'yet' if silence == float('inf') else f'for {silence:.0f} s'
         return 1, f'no image on {topic} {since}', values
-    if malformed:
-        return 1, f'{malformed} of the last {received + malformed} images were malformed', values
     share = missing / (received + missing)
     if share > NOTABLE_LOSS:
         interval = 1e3 / rate * (1 - share) if rate else 0.0

@@ -98,7 +98,7 @@ def particle_poses(header: Any, particles: NDArray[np.float64] | None) -> PoseAr
 
 
 def state_status(name: str, tracker: str, word: str, estimate: Estimate | None,
-                 values: Mapping[str, str]) -> DiagnosticStatus:
+                 values: Mapping[str, str], stale: bool = False) -> DiagnosticStatus:
     """
     Return the target's state.
 
@@ -114,14 +114,19 @@ def state_status(name: str, tracker: str, word: str, estimate: Estimate | None,
         What the tracker knows.
     values : mapping of str to str
         More to tell.
+    stale : bool
+        Whether the estimate is no longer of what the camera sees now.
 
     """
     rows = {'tracker': tracker, **values}
     level = DiagnosticStatus.OK
     if estimate is not None:
-        level = _LEVELS[estimate.state]
+        if word == estimate.state.value:
+            # Who paused it has no need of a warning.
+            level = max(_LEVELS[estimate.state], DiagnosticStatus.WARN if stale else level)
         box = estimate.box
-        rows['box'] = 'measured' if estimate.measured else 'predicted'
+        rows['box'] = ('stale' if stale else
+                       'measured' if estimate.measured else 'predicted')
         rows['confidence'] = f'{estimate.confidence:.3f}'
         rows['x'], rows['y'] = f'{box.x:.2f} px', f'{box.y:.2f} px'
         rows['width'], rows['height'] = f'{box.width:.2f} px', f'{box.height:.2f} px'
