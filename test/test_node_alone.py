@@ -38,6 +38,19 @@ def test_wrong_type_on_the_image_topic_is_said():
         assert client.images is not None
 
 
+def test_first_line_says_what_to_do():
+    """It names the topic of the images, and the ways to point out a target."""
+    with NodeProcess('-r', '__ns:=/arm', '-r', 'image:=/camera/image_raw') as process:
+        process.wait_for_log('\n')
+        line = process.log.splitlines()[0]
+        for name in ('/camera/image_raw', '/arm/tracker/init_roi', '/arm/tracker/init ',
+                     'init_box'):
+            assert name in line
+    with NodeProcess(init_box=BOX) as process:
+        process.wait_for_log('\n')
+        assert 'init_box' in process.log.splitlines()[0]
+
+
 def test_sim_time():
     """With use_sim_time the diagnostics have the time of /clock, and the images their own."""
     with NodeProcess(use_sim_time='true', init_box=BOX), Client() as client:

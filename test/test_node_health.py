@@ -164,7 +164,7 @@ def test_lazy_pictures_and_particles(client):
     del client.heard['~/debug_image'], client.heard['~/particles']
 
 
-def test_camera_info_makes_rays_and_metres(client):
+def test_camera_info_makes_rays_and_metres(client, process):
     """With a calibration the pose is a ray; with the target's width it's in metres."""
     poses = client.hear('pose_with_covariance', PoseWithCovarianceStamped)
     client.until(lambda: client.node.count_publishers('/pose_with_covariance'), 'no poses')
@@ -207,6 +207,11 @@ def test_camera_info_makes_rays_and_metres(client):
     heard = len(client.heard['pose'])
     assert units('')
     assert len(client.heard['pose']) == heard
+    since = len(process.log)
+    publisher.publish(CameraInfo())
+    process.wait_for_log('camera_info is not calibrated', since)
+    assert 'there is no pose' in process.log[since:]
+    assert 'stays in pixels' not in process.log[since:]
     for result in client.change(pose_units='auto'):
         assert result.successful
     publisher.publish(CameraInfo())
@@ -253,7 +258,7 @@ def test_transform(client):
 
 
 def test_subscriber_that_cannot_match_is_told(client, process):
-    """Who asks for what isn't offered is named in the log and in the diagnostics."""
+    """Who asks for what isn't offered is told of in log and diagnostics, until it has gone."""
     since = len(process.log)
     qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     from geometry_msgs.msg import PoseStamped
@@ -263,6 +268,8 @@ def test_subscriber_that_cannot_match_is_told(client, process):
     diagnosis(client, '/tracker: images', lambda row, values: 'DURABILITY' in
               values['QoS mismatches'].upper() and row.level == b'\x02')
     client.node.destroy_subscription(subscription)
+    diagnosis(client, '/tracker: images', lambda row, values:
+              values['QoS mismatches'] == 'none' and row.level != b'\x02')
 
 
 def test_reset_is_in_the_state(client):

@@ -61,3 +61,17 @@ def test_from_unconfigured_to_finalized():
         assert not client.send(SCENE.frame(6), 10**9 + 21 * STEP).detections
         assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN) == (
             State.PRIMARY_STATE_FINALIZED)
+
+
+def test_transition_that_is_not_possible_is_answered():
+    """A manager that asks for the wrong step is told so, and may go on with the right one."""
+    with NodeProcess(entry='lifecycle_main') as process, Client(publish=None) as client:
+        assert client.parameters.wait_for_services(20)
+        for transition in (Transition.TRANSITION_ACTIVATE, 99):
+            answer = client.ask(
+                '~/change_state', ChangeState, transition=Transition(id=transition))
+            assert not answer.success
+        process.wait_for_log('valid are configure, shutdown')
+        state = client.ask('~/get_state', GetState).current_state
+        assert state.id == State.PRIMARY_STATE_UNCONFIGURED
+        assert change(client, Transition.TRANSITION_CONFIGURE) == State.PRIMARY_STATE_INACTIVE

@@ -164,6 +164,21 @@ def test_init_box_takes_integers_floats_and_nothing(talk):
     assert tracks_on(talk, 2)
 
 
+@pytest.mark.parametrize('by_file', [False, True])
+def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
+    """The documented default may be given as well: nothing is selected, and a box may follow."""
+    path = tmp_path / 'parameters.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    init_box: []\n')
+    arguments = ['--params-file', str(path)] if by_file else ['-p', 'init_box:=[]']
+    with NodeProcess('-r', '__ns:=/empty', *arguments) as process, (
+            Client('/empty/tracker')) as client:
+        process.wait_for_log('point out the target')
+        client.ready()
+        assert list(client.get('init_box')[0]) == []
+        assert client.change(init_box=[10.0, 10.0, 30.0, 30.0])[0].successful
+        assert list(client.get('init_box')[0]) == [10.0, 10.0, 30.0, 30.0]
+
+
 @pytest.mark.parametrize('name, value, told', [
     ('gmpf.particles', '0', ['gmpf.particles', '5000']),
     ('tracker', 'csrt', ['csrt', 'gmpf']),

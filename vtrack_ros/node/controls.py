@@ -50,6 +50,14 @@ class Controls:
             node.create_service(SetBool, '~/enable', self._on_enable),
             node.create_service(Trigger, '~/reinit', self._on_reinit)]
 
+    def invitation(self, has_box: bool) -> str:
+        """Say how the target is pointed out, or that `init_box` does."""
+        if has_box:
+            return 'the target is init_box, on the first of them'
+        topics = [one.topic_name for one in self._subscriptions]
+        return (f'point out the target on {" or ".join(topics)} while they come, or with the '
+                'parameter init_box')
+
     def listen_to_detector(self, on: bool) -> None:
         """Subscribe to ~/init_detections, or unsubscribe."""
         if on and self._detector is None and self._vision is not None:

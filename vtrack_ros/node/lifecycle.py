@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.node import Node
 
 from vtrack_ros.node.pipeline import Pipeline
+from vtrack_ros.node.quiet_log import Log
 from vtrack_ros.ros.parameters import ParameterServer, TellingNode
 
 
@@ -33,6 +35,9 @@ class TrackerLifecycleNode(TellingNode, LifecycleNode):
         super().__init__('tracker', **arguments)
         self._server = ParameterServer(self)
         self._pipeline: Pipeline | None = None
+        self._log: Log = Node.get_logger(self)
+        self._change = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change_state
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Set up topics and services."""
@@ -65,6 +70,18 @@ class TrackerLifecycleNode(TellingNode, LifecycleNode):
         """Take everything down; then it can be configured again."""
         self._take_down()
         return TransitionCallbackReturn.SUCCESS
+
+    def _on_change_state(self, request: Any, response: Any) -> Any:
+        """Answer what rclpy raises an exception at, and its clients would wait for for ever."""
+        try:
+            return self._change(request, response)
+        except RuntimeError:
+            valid = [label for _, label, *_ in self._state_machine.available_transitions]
+            self._log.error(
+                f'~/change_state refused: transition {request.transition.id} is not possible '
+                f'while {self._state_machine.current_state[1]}; valid are ' + ', '.join(valid))
+            response.success = False
+            return response
 
     def _take_down(self) -> None:
         if self._pipeline is not None:

@@ -64,6 +64,8 @@ class Pipeline:
             self._node, CompressedImage if self._compressed else Image,
             'image/compressed' if self._compressed else 'image',
             self._server.settings.text('reliability'), self.on_image)
+        self._log.info(f'images are taken from {self._health.input.topic}; '
+                       + self._controls.invitation(self._server.settings.init_box is not None))
         self._changed()
 
     def deactivate(self) -> None:
@@ -189,7 +191,9 @@ class Pipeline:
             self._camera = Camera.from_message(message)
         except ValueError as error:
             self._camera = None
-            self._quiet.warning(f'{error}; the pose stays in pixels')
+            pixels = self._server.settings.text('pose_units') in ('auto', 'pixels')
+            self._quiet.warning(
+                f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}")
 
     def _on_parameters(self, changes: Settings, names: Sequence[str]) -> None:
         settings = self._server.settings

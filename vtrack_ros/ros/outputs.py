@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import (
     PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped)
 import numpy as np
+from rclpy.duration import Infinite
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
@@ -19,9 +20,8 @@ from vtrack_ros.ros.images import fill_image
 from vtrack_ros.ros.qos import OutputFaults
 from vtrack_ros.trackers import Estimate, Frame
 
-#: What to do about a package that isn't there.
-MISSING = ('{package} is not installed: {lost}. Install ros-jazzy-{dashed} (apt), or run '
-           'scripts/setup')
+#: What every output offers; the durations are the defaults, but said as the graph says them.
+OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infinite)
 
 
 def optional(package: str, lost: str, node: Node) -> Any:
@@ -29,8 +29,10 @@ def optional(package: str, lost: str, node: Node) -> Any:
     try:
         return __import__(f'{package}.msg', fromlist=['msg'])
     except ImportError:
-        node.get_logger().warning(MISSING.format(
-            package=package, lost=lost, dashed=package.replace('_', '-')))
+        dashed = package.replace('_', '-')
+        built = ', or run scripts/setup' if package == 'vision_msgs' else ''
+        node.get_logger().warning(
+            f'{package} is not installed: {lost}. Install ros-jazzy-{dashed} (apt){built}')
         return None
 
 
@@ -49,7 +51,7 @@ class Outputs:
     def __init__(self, node: Node, vision: Any) -> None:
         self._node = node
         self._vision = vision
-        self.mismatches = OutputFaults(node)
+        self.mismatches = OutputFaults(node, OFFERED)
         self._pose = self._publisher(PoseStamped, 'pose')
         self._covariance = self._publisher(
             PoseWithCovarianceStamped, 'pose_with_covariance')
@@ -86,7 +88,7 @@ class Outputs:
             if self._tf2:
                 self._transforms = self._node.create_publisher(
                     self._tf2.TFMessage, '/tf', QoSProfile(depth=100))
-        if self._transforms is None:
+        if not self._wanted(self._transforms):
             return
         transform = TransformStamped(header=header, child_frame_id=child)
         place = transform.transform.translation
@@ -137,11 +139,6 @@ class Outputs:
             fill_image(message, np.ascontiguousarray(draw()))
             self._debug.publish(message)
 
-    @property
-    def debug_wanted(self) -> bool:
-        """Return whether anybody looks at the picture."""
-        return self._wanted(self._debug)
-
     def destroy(self) -> None:
         """Take the publishers down."""
         found = [self._pose, self._covariance, self._state, self._particles, self._debug,
@@ -166,7 +163,7 @@ class Outputs:
 
     def _publisher(self, kind: Any, topic: str) -> Any:
         return self._node.create_publisher(
-            kind, topic, QoSProfile(depth=10), event_callbacks=self.mismatches.callbacks(topic))
+            kind, topic, OFFERED, event_callbacks=self.mismatches.callbacks(topic))
 
     @staticmethod
     def _wanted(publisher: Any) -> bool:

@@ -246,6 +246,9 @@ class ParameterServer:
         node.declare_parameter(INIT_BOX, [], ParameterDescriptor(
             name=INIT_BOX, description=INIT_BOX_DESCRIPTION, dynamic_typing=True,
             additional_constraints='valid: 4 finite numbers, width and height positive; or none'))
+        if node.get_parameter(INIT_BOX).value is None:
+            # What [] is for ROS, which can't tell what there is none of.
+            node.set_parameters([RosParameter(INIT_BOX, value=[])])
         # rclpy takes no notice of these, and a slip of the pen would go unseen. They may be meant
         # for other nodes of the same file, so that they are no reason to stop.
         for name in sorted(node._parameter_overrides):
