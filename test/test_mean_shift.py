@@ -269,7 +269,7 @@ def test_parameters_change_while_it_runs(preset):
 
 
 @pytest.mark.parametrize('parameters', [
-    {'particles': 0}, {'accepted': 1.5}, {'preset': 'best'}, {'levels': '7'}])
+    {'particles': 0}, {'accepted': 1.5}, {'preset': 'best'}, {'levels': 7}])
 def test_wrong_parameters_are_refused(parameters):
     """The message names the parameter."""
     with pytest.raises(ValueError, match=next(iter(parameters))):

@@ -127,15 +127,16 @@ def test_wrong_parameters_are_refused(name):
     with pytest.raises(ValueError, match='unknown parameter.*preset'):
         create_tracker(name, no_such_parameter=1)
     for row in table.values():
-        if row.kind in (int, float):
+        if row.kind in (int, float) and not row.choices:
             for value in (row.low - 1, row.high + 1):
                 with pytest.raises(ValueError, match=row.name):
                     create_tracker(name, **{row.name: row.kind(value)})
             with pytest.raises(TypeError, match=row.name):
                 create_tracker(name, **{row.name: 'many'})
         if row.choices:
-            with pytest.raises(ValueError, match=row.choices[0]):
-                create_tracker(name, **{row.name: 'no such choice'})
+            wrong = 'no such choice' if row.kind is str else max(row.choices) + 1
+            with pytest.raises(ValueError, match=f'{row.name} must be one of {row.choices[0]}, '):
+                create_tracker(name, **{row.name: wrong})
 
 
 @BOTH
@@ -159,6 +160,25 @@ def test_every_parameter_may_change_while_it_runs(name, preset):
         estimate = tracker.update(frame)
         check(estimate)
     assert estimate.box.iou(box_at(center)) > 0.4
+
+
+@ALL
+def test_another_preset_is_in_force_at_the_next_start(name):
+    """Chosen while it runs it changes no box before, and others after."""
+    path = straight(6, (1.5, 0.5))
+    frames = list(DrawnVideo().frames(path))
+
+    def run(tracker):
+        return [tracker.start(frames[0], box_at(path[0])).box] + [
+            tracker.update(frame).box for frame in frames[1:]]
+    changed, same = (create_tracker(name, seed=1, preset='default') for _ in range(2))
+    changed.start(frames[0], box_at(path[0]))
+    same.start(frames[0], box_at(path[0]))
+    changed.configure(preset='paper')
+    assert changed.parameters['preset'] == 'paper'
+    assert [changed.update(frame).box for frame in frames[1:]] == [
+        same.update(frame).box for frame in frames[1:]]
+    assert run(changed) != run(same)
 
 
 @ALL

@@ -28,8 +28,8 @@ class Parameter:
         The closed range of a number.
     unit : str
         The unit of a number, such as ``px``; empty where it has none.
-    choices : tuple of str
-        The valid words of a string; empty where any string will do.
+    choices : tuple of str or tuple of int
+        The valid values; empty where any of the type and in the range will do.
     dynamic : bool
         Whether it may change while the tracker runs.
 
@@ -41,7 +41,7 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     unit: str = ''
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] | tuple[int, ...] = ()
     dynamic: bool = True
 
     @property
@@ -53,7 +53,7 @@ class Parameter:
     def valid(self) -> str:
         """Say what is valid, in words."""
         if self.choices:
-            return 'one of ' + ', '.join(self.choices)
+            return 'one of ' + ', '.join(map(str, self.choices))
         words = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
         text = words[self.kind]
         if self.low is not None and self.high is not None:

@@ -20,14 +20,16 @@ _HEAD = """\
 # ros2 run vtrack_ros tracker --ros-args --params-file {name}.yaml
 #
 # All parameters with their defaults, in any order and number: what is left out keeps its default.
-# Those marked "fixed" are read once; all others may change while the node runs.
+# Those marked "fixed" are read once; all others may change while the node runs. Those that act at
+# the next start do so with the next target, or at once with the service ~/reinit.
 """
 _PAGE = """\
 # Parameters
 
 Every parameter of the node, its trackers' own ones included. All but those marked *fixed* may
-change while the node runs, and act on the next frame; a wrong value is refused with the reason and
-the valid range, and nothing changes.
+change while the node runs, and act on the next frame; a few say that they act at the next start,
+which is that of the next target, or at once with the service `~/reinit`. A wrong value is refused
+with the reason and the valid range, and nothing changes.
 
     ros2 param set /tracker gmpf.particles 300
     ros2 param describe /tracker gmpf.particles

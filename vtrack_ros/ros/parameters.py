@@ -154,7 +154,7 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
     if row.unit:
         text += f' Unit: {row.unit}.'
     if row.choices:
-        text += ' One of: ' + ', '.join(row.choices) + '.'
+        text += ' One of: ' + ', '.join(map(str, row.choices)) + '.'
     result = ParameterDescriptor(
         name=row.name, description=text, read_only=not row.dynamic,
         additional_constraints='valid: ' + row.valid)

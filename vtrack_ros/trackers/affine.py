@@ -36,8 +36,8 @@ _KEYPOINT_SIDE = {'paper': 50, 'default': 40}
 
 _SHARED = ParameterTable([
     Parameter('preset', 'default', 'As printed (paper), or steered by a discriminative model that '
-              'also searches (default); in force from the next target on.',
-              choices=('default', 'paper'), dynamic=False),
+              'also searches (default); in force at the next start.',
+              choices=('default', 'paper')),
     Parameter('particles', 400, 'Number of particles.', 2, 5000),
     Parameter('scale_noise', 0.02, 'Standard deviation of the relative change of scale a frame.',
               0.0, 0.5),

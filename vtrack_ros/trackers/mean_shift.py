@@ -12,15 +12,15 @@ from vtrack_ros.trackers.mean_shift_fusion import Settings
 
 _SHARED = ParameterTable([
     Parameter('preset', 'default', 'What to climb on: the evidence of a discriminative model '
-              '(default), or colours as printed (paper); in force from the next target on.',
-              choices=('default', 'paper'), dynamic=False),
+              '(default), or colours as printed (paper); in force at the next start.',
+              choices=('default', 'paper')),
     Parameter('rejected', 0.5, 'Likeness r below which the target counts as hidden.', 0.0, 1.0),
     Parameter('growth', 0.1, 'Largest relative change of an axis in one frame (paper preset).',
               0.0, 0.5),
-    Parameter('levels', '16', 'Levels of each colour channel; in force from the next target on '
-              '(paper preset).', choices=('8', '16')),
+    Parameter('levels', 16, 'Levels of each colour channel (paper preset); in force at the next '
+              'start.', choices=(8, 16)),
     Parameter('background', True, 'Whether colours count less that the first surroundings share '
-              '(paper preset).'),
+              '(paper preset); in force at the next start.'),
     Parameter('learning', 0.0, 'How fast the colours follow a target that is seen well '
               '(paper preset).', 0.0, 1.0),
 ])
@@ -54,7 +54,7 @@ class AdaptiveBandwidthMeanShift(Tracker):
             accepted=float(values.get('accepted', 0.8)),
             rejected=float(values['rejected']), region=float(values.get('region', 0.0)),
             inertia=float(values.get('inertia', 0.0)), growth=float(values['growth']),
-            levels=int(str(values['levels'])), background=bool(values['background']),
+            levels=int(values['levels']), background=bool(values['background']),
             learning=float(values['learning']))
         if self._frame_shape is not None:
             self._engine.settings = self._settings
