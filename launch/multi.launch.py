@@ -14,6 +14,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from vtrack_ros.ros.parameters import INIT_BOX, init_box
 import yaml
 
 #: What a target may say of itself.
@@ -48,19 +49,17 @@ def node(path, namespace, target):
         raise ValueError(f'{path}: {namespace}: unknown {", ".join(sorted(unknown))}; valid are '
                          + ', '.join(KEYS))
     parameters = dict(target.get('parameters') or {})
-    if parameters.get('init_box'):
-        parameters['init_box'] = [float(value) for value in parameters['init_box']]
-    elif 'init_box' in parameters:
-        # Nothing is nothing: launch has no type for an empty list.
-        del parameters['init_box']
-    compressed = parameters.get('image_transport') == 'compressed'
+    # Nothing is nothing: launch has no type for an empty list.
+    box = init_box(parameters.pop(INIT_BOX, None) or [])
+    if box is not None:
+        parameters[INIT_BOX] = box.as_array().tolist()
+    # The node subscribes to the one that its image_transport says, wherever that was set.
+    sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     profile = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
     return Node(
         package='vtrack_ros', executable='tracker', name='tracker', namespace=namespace,
-        parameters=[*filter(None, [target.get('params_file')]), parameters],
-        remappings=[
-            ('image/compressed' if compressed else 'image', target.get('image', 'image')),
-            ('camera_info', target.get('camera_info', 'camera_info'))],
+        parameters=[*filter(None, [target.get('params_file'), parameters])],
+        remappings=[(name, target[key]) for name, key in sources.items() if target.get(key)],
         additional_env={'FASTRTPS_DEFAULT_PROFILES_FILE': profile,
                         'FASTDDS_DEFAULT_PROFILES_FILE': profile},
         output='screen')

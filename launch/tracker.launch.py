@@ -14,20 +14,23 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from vtrack_ros.ros.parameters import INIT_BOX, init_box
 import yaml
 
 ARGUMENTS = {
     'tracker': ('', 'the tracker; empty: as params_file says, or gmpf'),
-    'image': ('image', 'topic of the images; of CompressedImage with image_transport:=compressed'),
-    'camera_info': ('camera_info', 'topic of the calibration'),
-    'image_transport': ('raw', 'raw or compressed'),
+    'image': ('', 'topic of the images, or of the compressed ones; empty: image, or '
+                  'image/compressed'),
+    'camera_info': ('', 'topic of the calibration; empty: camera_info'),
+    'image_transport': ('', 'raw or compressed; empty: as params_file says, or raw'),
     'init_box': ('', 'the target on the first frame: "[x, y, width, height]" in pixels; empty: '
                      'wait for a selection'),
     'params_file': ('', 'YAML file with parameters, such as those in share/vtrack_ros/config'),
     'namespace': ('', 'namespace of the node and its topics'),
     'name': ('tracker', 'name of the node'),
     'managed': ('false', 'true: a lifecycle node, to be configured and activated'),
-    'use_sim_time': ('false', 'true: the time of /clock, as with ros2 bag play --clock'),
+    'use_sim_time': ('', 'true: the time of /clock, as with ros2 bag play --clock; empty: as '
+                         'params_file says, or false'),
     'fastdds_profile': ('true', 'true: shared memory that holds images (config/fastdds.xml)'),
     'log_level': ('info', 'debug, info, warn or error'),
 }
@@ -44,24 +47,34 @@ def generate_launch_description():
 def nodes(context):
     """Return the node that the arguments describe."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    parameters = {
-        'image_transport': given['image_transport'],
-        'use_sim_time': yes(given['use_sim_time'])}
-    if given['tracker']:
-        parameters['tracker'] = given['tracker']
-    if given['init_box']:
-        parameters['init_box'] = [float(value) for value in yaml.safe_load(given['init_box'])]
-    source = 'image/compressed' if given['image_transport'] == 'compressed' else 'image'
+    parameters = {name: given[name] for name in ('tracker', 'image_transport') if given[name]}
+    if given['use_sim_time']:
+        parameters['use_sim_time'] = yes(given['use_sim_time'])
+    box = target(given['init_box'])
+    if box is not None:
+        parameters[INIT_BOX] = box.as_array().tolist()
+    # The node subscribes to the one that its image_transport says, wherever that was set.
+    sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     return [Node(
         package='vtrack_ros',
         executable='tracker_lifecycle' if yes(given['managed']) else 'tracker',
         namespace=given['namespace'],
         name=given['name'],
-        parameters=[*filter(None, [given['params_file']]), parameters],
-        remappings=[(source, given['image']), ('camera_info', given['camera_info'])],
+        parameters=[*filter(None, [given['params_file'], parameters])],
+        remappings=[(name, given[argument]) for name, argument in sources.items()
+                    if given[argument]],
         arguments=['--ros-args', '--log-level', given['log_level']],
         additional_env=profile() if yes(given['fastdds_profile']) else {},
         output='screen')]
+
+
+def target(text):
+    """Return the box that the argument init_box spells; None for an empty one."""
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        value = text
+    return init_box([] if value is None else value)
 
 
 def profile():

@@ -4,9 +4,13 @@ import ast
 import importlib.util
 import json
 import re
+import sys
+from types import SimpleNamespace
+from xml.etree import ElementTree
 
 from node_harness import Client, NodeProcess
 import pytest
+from sensor_msgs.msg import CompressedImage
 from vtrack_ros.node.parameter_files import files
 from vtrack_ros.ros.dds_profile import profile_path, receiving_profile, VARIABLES, with_profile
 from vtrack_ros.ros.parameters import INIT_BOX, NODE_PARAMETERS, parameter_table
@@ -100,6 +104,118 @@ def test_launch_files(repository, name):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert module.generate_launch_description().entities
+
+
+@pytest.fixture
+def launched(repository, monkeypatch):
+    """Return what makes the nodes of a launch file, as plain values; launch itself is no wheel."""
+    configuration = SimpleNamespace(
+        LaunchConfiguration=lambda name: SimpleNamespace(perform=lambda given: given[name]))
+    stand_ins = {
+        'launch': SimpleNamespace(LaunchDescription=list),
+        'launch.actions': SimpleNamespace(
+            DeclareLaunchArgument=lambda name, default_value, description: {name: default_value},
+            OpaqueFunction=lambda function: {}),
+        'launch.substitutions': configuration,
+        'launch_ros': SimpleNamespace(), 'launch_ros.actions': SimpleNamespace(
+            Node=SimpleNamespace)}
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setitem(sys.modules, name, stand_in)
+    monkeypatch.setattr('ament_index_python.packages.get_package_share_directory',
+                        lambda name: str(repository))
+
+    def nodes(name, **given):
+        spec = importlib.util.spec_from_file_location('launch_file', repository / 'launch' / name)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        defaults = {}
+        for declared in module.generate_launch_description():
+            defaults.update(declared)
+        return module.nodes({**defaults, **given})
+    return nodes
+
+
+def values(node):
+    """Return the parameters that a launch file gives beside parameter files."""
+    return next((row for row in node.parameters if isinstance(row, dict)), {})
+
+
+def test_launch_passes_on_what_is_given(launched):
+    """What isn't said is left to the parameter file, or to the node's defaults."""
+    node, = launched('tracker.launch.py', params_file='mine.yaml')
+    assert node.parameters[0] == 'mine.yaml' and values(node) == {}
+    assert node.remappings == []
+    node, = launched(
+        'tracker.launch.py', tracker='pf', image='/camera', image_transport='compressed',
+        use_sim_time='true', init_box='[300, 200, 60, 80]', camera_info='/info')
+    assert values(node) == {'tracker': 'pf', 'image_transport': 'compressed',
+                            'use_sim_time': True, 'init_box': [300.0, 200.0, 60.0, 80.0]}
+    # Only one of the two is subscribed to, as the transport says, wherever that was set.
+    assert sorted(node.remappings) == [
+        ('camera_info', '/info'), ('image', '/camera'), ('image/compressed', '/camera')]
+
+
+@pytest.mark.parametrize('text', ['', '[]'])
+def test_launch_without_a_box(launched, text):
+    """Nothing is nothing: launch has no type for an empty list."""
+    node, = launched('tracker.launch.py', init_box=text)
+    assert 'init_box' not in values(node)
+
+
+@pytest.mark.parametrize('text', ['300,200,60,80', '[300, 200, 60]', 'here', '[a, b, c, d]', '7',
+                                  '0', '[1, 2, -3, 4]', '[1, 2'])
+def test_launch_refuses_what_is_no_box(launched, text):
+    """It says what is valid."""
+    with pytest.raises((TypeError, ValueError), match=r'valid is \[x, y, width, height\]'):
+        launched('tracker.launch.py', init_box=text)
+
+
+def test_launch_of_several_targets(launched, tmp_path):
+    """Each has its namespace, and all that is said of it and no more."""
+    path = tmp_path / 'targets.yaml'
+    path.write_text("""
+left:
+  image: /camera
+  params_file: mine.yaml
+  parameters: {init_box: [1, 2, 30, 40], gmpf: {particles: 50}}
+right:
+  parameters: {init_box: []}
+third:
+""")
+    left, right, third = launched('multi.launch.py', targets=str(path))
+    assert (left.namespace, right.namespace, third.namespace) == ('left', 'right', 'third')
+    assert left.parameters[0] == 'mine.yaml'
+    assert values(left) == {'init_box': [1.0, 2.0, 30.0, 40.0], 'gmpf': {'particles': 50}}
+    assert sorted(left.remappings) == [('image', '/camera'), ('image/compressed', '/camera')]
+    assert values(right) == values(third) == {}
+    assert right.remappings == []
+    path.write_text('left: {parameters: {init_box: [1, 2]}}')
+    with pytest.raises(ValueError, match='init_box has 2 values'):
+        launched('multi.launch.py', targets=str(path))
+
+
+def test_image_topic_is_that_of_the_transport():
+    """Remapped as the launch files do it, the node takes what the parameter says, from there."""
+    remaps = ['-r', 'image:=/camera', '-r', 'image/compressed:=/camera']
+    with NodeProcess(*remaps, image_transport='compressed') as process, (
+            Client(publish=CompressedImage, topic='camera')) as client:
+        process.wait_for_log('images are taken from /camera')
+        client.until(client.images.get_subscription_count, 'takes no images')
+        assert 'sends' not in process.log
+
+
+def test_launch_files_depend_on_what_they_import(repository):
+    """Who installs the package's run-time dependences can launch it."""
+    root = ElementTree.parse(repository / 'package.xml').getroot()
+    needed = {element.text for element in root.iter('exec_depend')}
+    needed |= {'vtrack_ros', 'yaml' if 'python3-yaml' in needed else ''}
+    for path in (repository / 'launch').glob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else (
+                [node.module] if isinstance(node, ast.ImportFrom) else [])
+            for name in names:
+                package = name.split('.')[0]
+                assert package in needed or package in sys.stdlib_module_names, (path, name)
 
 
 def test_documentation_names_every_row(repository):
