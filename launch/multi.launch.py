@@ -50,7 +50,10 @@ def node(path, namespace, target):
                          + ', '.join(KEYS))
     parameters = dict(target.get('parameters') or {})
     # Nothing is nothing: launch has no type for an empty list.
-    box = init_box(parameters.pop(INIT_BOX, None) or [])
+    try:
+        box = init_box(parameters.pop(INIT_BOX, None) or [])
+    except (TypeError, ValueError) as error:
+        raise ValueError(f'{path}: {namespace}: {error}') from None
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
     # The node subscribes to the one that its image_transport says, wherever that was set.

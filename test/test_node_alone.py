@@ -1,5 +1,9 @@
 """Nodes of their own: mismatches, clocks, and several side by side."""
 
+import re
+import subprocess
+import sys
+
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
@@ -129,3 +133,28 @@ def test_slip_of_the_pen_from_the_start_is_told():
     with NodeProcess(gmpf__particels=100) as process:
         log = process.wait_for_log("unknown parameter 'gmpf.particels' ignored")
         assert 'gmpf.particles' in log
+
+
+def test_example_of_the_manual(repository):
+    """The program that node.md shows points out a target, and prints its boxes."""
+    text = (repository / 'docs' / 'node.md').read_text()
+    program, = re.findall('```python\n(.*?)```', text, re.DOTALL)
+    scene = Scene(640, 480, 60)
+    with NodeProcess(), Client() as client:
+        client.ready()
+        example = subprocess.Popen(
+            [sys.executable, '-u', '-c', program], stdout=subprocess.PIPE, text=True)
+        try:
+            index = 0
+
+            def tracked():
+                nonlocal index
+                index += 1
+                answer = client.send(scene.frame(0), 10**9 + STEP * index)
+                return answer.detections
+            client.until(tracked, 'no target was pointed out')
+            line = next(line for line in example.stdout if line != '[]\n')
+            assert 'BoundingBox2D' in line
+        finally:
+            example.kill()
+            example.wait()

@@ -73,11 +73,15 @@ SELECTIONS = [
     ('infinite box', '~/init', init(width=INF), 'size_x must be finite'),
     ('box turned by no number', '~/init', init(theta=NAN), 'theta must be finite'),
     ('box beside the image', '~/init', init(x=-500.0), 'no pixel inside'),
+    ('box with its centre beside the image', '~/init', init(x=-5.0, width=40.0), 'centre'),
+    ('box of less than a pixel', '~/init', init(width=0.2), 'at least 2 px'),
     ('box of long ago', '~/init', init(seconds=1), 'too old'),
     ('box of the future', '~/init', init(seconds=90000), 'in the future'),
     ('region without size', '~/init_roi', RegionOfInterest(x_offset=3), 'must be positive'),
     ('region beside the image', '~/init_roi',
      RegionOfInterest(x_offset=4000, y_offset=4000, width=9, height=9), 'no pixel inside'),
+    ('region of one column inside', '~/init_roi',
+     RegionOfInterest(x_offset=159, y_offset=50, width=9, height=9), 'at least 2 px'),
 ]
 
 #: What is sent on camera_info: name, message, what the node says.

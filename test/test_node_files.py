@@ -190,7 +190,7 @@ third:
     assert values(right) == values(third) == {}
     assert right.remappings == []
     path.write_text('left: {parameters: {init_box: [1, 2]}}')
-    with pytest.raises(ValueError, match='init_box has 2 values'):
+    with pytest.raises(ValueError, match='targets.yaml: left: init_box has 2 values'):
         launched('multi.launch.py', targets=str(path))
 
 
