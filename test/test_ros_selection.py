@@ -137,7 +137,8 @@ def test_selection_never_starts_on_other_pixels(seconds, megabytes, parameter):
     """A frame that's no longer kept isn't replaced by a later one; what keeps more is named."""
     stamps = [10 * SECOND + i * SECOND // 30 for i in range(20)]
     selector = Selector(history(seconds, megabytes, stamps))
-    with pytest.raises(ValueError, match=f'too old: frames are kept from 10.*; raise {parameter} '):
+    refused = f'too old: frames are kept from 10.*; raise {parameter} '
+    with pytest.raises(ValueError, match=refused):
         selector.select(Selection(Box(1, 1, 9, 9), 'test', stamps[8]))
     # One that may have been lost on the way is as good as its neighbour.
     selector.select(Selection(Box(1, 1, 9, 9), 'test', stamps[17] + SECOND // 60))
