@@ -69,7 +69,7 @@ def test_help_needs_no_heavy_import():
     (['play'], 'BAG'),
     (['play', 'no/such/bag'], 'does not exist'),
     (['replay', 'no/such/bag', '--out', 'x'], 'does not exist'),
-    (['replay', 'no/such/bag'], '--out'),
+    (['replay', 'no/such/bag'], 'does not exist'),
     (['replay', 'b', '--tracker', 'magic', '--out', 'x'], 'gmpf'),
     (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'colour=red'], 'particles'),
     (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles=many'], 'integer'),

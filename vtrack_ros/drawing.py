@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 import math
 from pathlib import Path
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Estimate, Frame, TrackState
 
+#: What the pictures of a run are called.
+VIDEO_FILE, SHEET_FILE = 'video.mp4', 'contact_sheet.png'
 #: Colours, in BGR.
 TRUTH = (255, 255, 255)
 PARTICLE = (255, 200, 0)
@@ -28,6 +31,8 @@ STATES = {
 _BITS = 4
 #: Pictures are enlarged by whole factors up to this width.
 _LEGIBLE = 480
+#: How many pictures a sheet has, and how many places a trail.
+_SHEET, _TRAIL = 16, 60
 #: The radius of a Gaussian's 90 % ellipse.
 _RADIUS = math.sqrt(-2 * math.log(0.1))
 
@@ -135,45 +140,85 @@ def contact_sheet(pictures: Sequence[Frame], columns: int = 4, gap: int = 4) -> 
     return sheet
 
 
-class Video:
+class Film:
     """
-    Writes pictures of one size into an MP4 file; a context manager.
+    The pictures of a run, in a folder: a video of all and a sheet of some; a context manager.
+
+    Pictures of another size than the first one's are fitted into it. After an error there is no
+    video: half of one looks like a whole one.
 
     Parameters
     ----------
-    path : Path
-        The file.
+    folder : Path
+        Where `video.mp4` and `contact_sheet.png` go.
     rate : float, [Hz]
         The frames per second.
+    count : int
+        How many frames there are, at most.
 
     Raises
     ------
     OSError
-        If the file can't be written.
+        If a file can't be written.
 
     """
 
-    def __init__(self, path: Path, rate: float) -> None:
-        self._path = path
+    def __init__(self, folder: Path, rate: float, count: int) -> None:
+        self.paths = (folder / VIDEO_FILE, folder / SHEET_FILE)
         self._rate = rate
+        self._chosen = set(np.linspace(0, count - 1, min(_SHEET, count)).round().astype(int))
+        self._index = 0
+        self._sheet: list[Frame] = []
+        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
         self._writer: Any = None
 
-    def __enter__(self) -> Video:
-        """Return the video."""
+    def __enter__(self) -> Film:
+        """Return the film."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        """Finish the file."""
+        """Finish the files, or remove them after an error."""
+        video, sheet = self.paths
         if self._writer is not None:
             self._writer.release()
+            if kind is not None:
+                video.unlink(missing_ok=True)
+        if self._sheet and kind is None and not cv2.imwrite(
+                str(sheet), contact_sheet(self._sheet)):
+            raise OSError(f'cannot write the picture {sheet}')
 
-    def write(self, picture: Frame) -> None:
-        """Append a picture."""
+    def add(self, canvas: Canvas, text: str, center: tuple[float, float] | None = None,
+            colour: tuple[int, int, int] = TRUTH) -> None:
+        """
+        Append a frame, with the trail and a line of text drawn over it.
+
+        Parameters
+        ----------
+        canvas : Canvas
+            The frame and what is drawn on it already.
+        text : str
+            Stands behind the frame's number.
+        center : tuple of float, optional
+            Where the target is measured, which goes on the trail.
+        colour : tuple of int
+            Of the text.
+
+        """
+        if center is not None:
+            self._trail.append(center)
+        canvas.trail(list(self._trail))
+        canvas.text(f'{self._index}  {text}', colour)
+        picture = canvas.picture
         if self._writer is None:
-            height, width = picture.shape[:2]
+            self._size = picture.shape[1], picture.shape[0]
             code = cv2.VideoWriter.fourcc(*'mp4v')
-            self._writer = cv2.VideoWriter(str(self._path), code, self._rate, (width, height))
+            self._writer = cv2.VideoWriter(str(self.paths[0]), code, self._rate, self._size)
             if not self._writer.isOpened():
-                raise OSError(f'cannot write the video {self._path}')
+                raise OSError(f'cannot write the video {self.paths[0]}')
+        if picture.shape[1::-1] != self._size:
+            picture = np.asarray(cv2.resize(picture, self._size), np.uint8)
         self._writer.write(picture)
+        if self._index in self._chosen:
+            self._sheet.append(picture)
+        self._index += 1

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-import csv
 from dataclasses import dataclass
-import math
-from pathlib import Path
 import time
 
 import numpy as np
 
-from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import StampedFrame
-from vtrack_ros.bags.writer import BagWriter
 from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Estimate
 
 #: The state of a frame without a target, as the node calls it.
 WAITING = 'waiting'
-
-_COLUMNS = ('stamp_ns', 'x', 'y', 'width', 'height', 'angle', 'confidence', 'state')
 
 
 @dataclass(frozen=True)
@@ -95,56 +88,6 @@ def replay(images: Iterable[StampedFrame], follower: Follower, truth: Mapping[in
     if waiting and last is not None:
         raise BagError('nothing says where the target is: the bag has no true box for any image; '
                        'give --init X,Y,WIDTH,HEIGHT')
-
-
-class ResultTable:
-    """
-    Writes a CSV with one row per frame, in full precision; a context manager.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._file = path.open('w', newline='')
-        self._writer = csv.writer(self._file, lineterminator='\n')
-        self._writer.writerow(_COLUMNS)
-
-    def __enter__(self) -> ResultTable:
-        """Return the table."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Finish the file."""
-        self._file.close()
-
-    def write(self, step: Step) -> None:
-        """Append a frame's row; NaN and `waiting` where there is no target."""
-        estimate = step.estimate
-        values, state = [math.nan] * 6, WAITING
-        if estimate is not None:
-            values = [*estimate.box.as_array().tolist(), estimate.angle, estimate.confidence]
-            state = estimate.state.value
-        self._writer.writerow(
-            [step.image.stamp, *(repr(float(value)) for value in values), state])
-
-
-def write_step(bag: BagWriter, step: Step) -> None:
-    """Write what the node would publish: detections of every image, a pose where it's measured."""
-    image, estimate = step.image, step.estimate
-    measured = estimate if estimate is not None and estimate.measured else None
-    if measured is None:
-        found = messages.detections(None, image.stamp, image.frame_id)
-    else:
-        found = messages.detections(
-            measured.box, image.stamp, image.frame_id, measured.angle, measured.confidence)
-        x, y = measured.box.center
-        bag.write('/pose', messages.pose(x, y, measured.angle, image.stamp, image.frame_id),
-                  image.received)
-    bag.write('/detections', found, image.received)
 
 
 @dataclass(frozen=True)

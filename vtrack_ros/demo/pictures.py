@@ -7,22 +7,16 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-import cv2
 import numpy as np
 
 from vtrack_ros.bags import BagReader
-from vtrack_ros.drawing import Canvas, contact_sheet, STATES, TRUTH, Video
+from vtrack_ros.drawing import Canvas, Film, STATES, TRUTH
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Frame, TrackState
 
-#: How many frames the sheet shows.
-SHEET = 16
-#: How many centres the trail has.
-TRAIL = 60
-
 
 def draw_run(bag: Path, topic: str, frames: Mapping[int, Mapping[str, Any]],
-             truth: Mapping[int, Box | None], out: Path) -> list[Path]:
+             truth: Mapping[int, Box | None], out: Path) -> tuple[Path, Path]:
     """
     Write the video and the contact sheet of a run.
 
@@ -41,45 +35,30 @@ def draw_run(bag: Path, topic: str, frames: Mapping[int, Mapping[str, Any]],
 
     Returns
     -------
-    list of Path
-        What was written.
+    tuple of Path
+        The video and the sheet.
 
     """
     with BagReader(bag) as reader:
         stamps = [frame.stamp for frame in reader.frames(topic)]
-    chosen = set(np.linspace(0, len(stamps) - 1, min(SHEET, len(stamps))).round().astype(int))
     intervals = [late - early for early, late in zip(stamps, stamps[1:]) if late > early]
     rate = 1e9 / median(intervals) if intervals else 30.0
-    video_path, sheet_path = out / 'video.mp4', out / 'contact_sheet.png'
-    trail: list[tuple[float, float]] = []
-    sheet: list[Frame] = []
-    with BagReader(bag) as reader, Video(video_path, rate) as video:
-        for index, frame in enumerate(reader.frames(topic)):
-            row = frames.get(frame.stamp, {})
-            picture = _draw(frame.frame, index, row, truth.get(frame.stamp), trail)
-            video.write(picture)
-            if index in chosen:
-                sheet.append(picture)
-    cv2.imwrite(str(sheet_path), contact_sheet(sheet))
-    return [video_path, sheet_path]
+    with BagReader(bag) as reader, Film(out, rate, len(stamps)) as film:
+        for frame in reader.frames(topic):
+            _film(film, frame.frame, frames.get(frame.stamp, {}), truth.get(frame.stamp))
+    return film.paths
 
 
-def _draw(frame: Frame, index: int, row: Mapping[str, Any], truth: Box | None,
-          trail: list[tuple[float, float]]) -> Frame:
+def _film(film: Film, frame: Frame, row: Mapping[str, Any], truth: Box | None) -> None:
     canvas = Canvas(frame)
     if row.get('particles'):
         canvas.particles(np.array(row['particles']))
     if truth is not None:
         canvas.box(truth, TRUTH, 1)
-    text, colour = 'no answer', TRUTH
-    if 'box' in row:
-        box = Box(*row['box'])
-        trail.append(box.center)
-        del trail[:-TRAIL]
-        colour = STATES[TrackState.TRACKING]
-        canvas.box(box, colour)
-    canvas.trail(trail)
-    if 'state' in row:
-        text = row['state']
-    canvas.text(f'{index}  {text}', colour)
-    return canvas.picture
+    text = row.get('state', 'no answer')
+    if 'box' not in row:
+        film.add(canvas, text)
+        return
+    box, colour = Box(*row['box']), STATES[TrackState.TRACKING]
+    canvas.box(box, colour)
+    film.add(canvas, text, box.center, colour)

@@ -1,0 +1,154 @@
+"""A replay's results on disk: table, bag and pictures, which replace earlier ones together."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, suppress
+import csv
+import math
+import os
+from pathlib import Path
+import shutil
+import tempfile
+from types import TracebackType
+
+from vtrack_ros.bags import messages
+from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.reader import BagReader
+from vtrack_ros.bags.replay import Step, WAITING
+from vtrack_ros.bags.writer import BagWriter
+from vtrack_ros.drawing import SHEET_FILE, VIDEO_FILE
+
+_TABLE, _BAG = 'results.csv', 'bag'
+_FILES = (_BAG, _TABLE, VIDEO_FILE, SHEET_FILE)
+_COLUMNS = ('stamp_ns', 'x', 'y', 'width', 'height', 'angle', 'confidence', 'state')
+_DETECTIONS, _POSE = '/detections', '/pose'
+
+
+class ResultFolder:
+    """
+    Writes the results of a replay into a folder; a context manager.
+
+    They take the place of earlier results when they're complete: an error or an interruption
+    leaves the folder as it was.
+
+    Parameters
+    ----------
+    path : Path
+        The folder, which is made where it isn't there.
+    source : Path
+        The bag that is read, which the results must not replace.
+
+    Attributes
+    ----------
+    place : Path
+        Where everything is written until it's complete; other files of a result go there too.
+
+    Raises
+    ------
+    BagError
+        If it can't be written, or something stands there that isn't the result of a replay.
+
+    """
+
+    def __init__(self, path: Path, source: Path) -> None:
+        self._path = path
+        self._source = source
+
+    def __enter__(self) -> ResultFolder:
+        """Look at what is there, and begin to write."""
+        self._check()
+        self._made = not self._path.exists()
+        try:
+            self._path.mkdir(parents=True, exist_ok=True)
+            self._scratch = Path(tempfile.mkdtemp(dir=self._path, prefix='.vtrack-'))
+        except OSError as error:
+            raise BagError(f"can't write results into {self._path}: {error.strerror}") from None
+        self.place = self._scratch / 'new'
+        with ExitStack() as stack:
+            stack.push(self._finish)
+            self.place.mkdir()
+            self._bag = stack.enter_context(BagWriter(self.place / _BAG))
+            file = stack.enter_context((self.place / _TABLE).open('w', newline=''))
+            self._table = csv.writer(file, lineterminator='\n')
+            self._table.writerow(_COLUMNS)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Put the results in their place, or remove them after an error."""
+        self._stack.__exit__(kind, error, trace)
+
+    def write(self, step: Step) -> None:
+        """
+        Append a frame to the table, and to the bag what the node would publish.
+
+        In the table, in full precision, NaN and `waiting` stand where there is no target; in the
+        bag, detections of every image, and a pose where the target is measured.
+        """
+        image, estimate = step.image, step.estimate
+        values, state = [math.nan] * 6, WAITING
+        if estimate is not None:
+            values = [*estimate.box.as_array().tolist(), estimate.angle, estimate.confidence]
+            state = estimate.state.value
+        self._table.writerow([image.stamp, *(repr(float(value)) for value in values), state])
+        if estimate is None or not estimate.measured:
+            found = messages.detections(None, image.stamp, image.frame_id)
+        else:
+            found = messages.detections(
+                estimate.box, image.stamp, image.frame_id, estimate.angle, estimate.confidence)
+            pose = messages.pose(
+                *estimate.box.center, estimate.angle, image.stamp, image.frame_id)
+            self._bag.write(_POSE, pose, image.received)
+        self._bag.write(_DETECTIONS, found, image.received)
+
+    def _check(self) -> None:
+        """Raise BagError where the results would replace anything but earlier results."""
+        bag, table = self._path / _BAG, self._path / _TABLE
+        target, read = bag.resolve(), self._source.resolve()
+        if target.is_relative_to(read) or read.is_relative_to(target):
+            raise BagError(f'{bag} is, holds or lies in the bag that is read: give another folder')
+        if self._path.exists() and not self._path.is_dir():
+            raise BagError(f"can't write results into {self._path}: it's a file, not a folder")
+        present = [self._path / name for name in _FILES if os.path.lexists(self._path / name)]
+        ours = {bag: _is_result_bag, table: _is_result_table}
+        known = [path for path in present if path in ours and ours[path](path)]
+        foreign = [path for path in present if path not in known and (path in ours or not known)]
+        if foreign:
+            raise BagError(f"{foreign[0]} exists already and isn't the result of a replay: give "
+                           'another folder, or remove it first')
+
+    def _finish(self, kind: type[BaseException] | None, error: BaseException | None,
+                trace: TracebackType | None) -> None:
+        if kind is None:
+            # Should this be cut short, what it has not put back is still in the scratch folder.
+            earlier = self._scratch / 'earlier'
+            earlier.mkdir()
+            for name in _FILES:
+                if os.path.lexists(self._path / name):
+                    (self._path / name).rename(earlier / name)
+                if (self.place / name).exists():
+                    (self.place / name).rename(self._path / name)
+        shutil.rmtree(self._scratch, ignore_errors=True)
+        if kind is not None and self._made:
+            with suppress(OSError):
+                self._path.rmdir()
+
+
+def _is_result_table(path: Path) -> bool:
+    try:
+        with path.open(newline='', encoding='utf-8') as file:
+            return file.readline().rstrip('\n') == ','.join(_COLUMNS)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _is_result_bag(path: Path) -> bool:
+    if not path.is_dir() or {file.name for file in path.iterdir()} != {
+            'metadata.yaml', f'{_BAG}.mcap'}:
+        return False
+    try:
+        with BagReader(path) as bag:
+            return {_DETECTIONS} <= set(bag.topics) <= {_DETECTIONS, _POSE}
+    except BagError:
+        return False
