@@ -8,6 +8,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagError, BagReader  # noqa: E402
 from vtrack_ros.bags.importing import open_source  # noqa: E402
 from vtrack_ros.bags.recording import FIRST_STAMP, record  # noqa: E402
+from vtrack_ros.evaluation.sequences import read_folder  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
 
 COUNT = 11
@@ -49,11 +50,11 @@ def test_sequence_folder(tmp_path, inner, separator):
 
 
 def test_plain_folder(tmp_path):
-    """Without a truth there's none; 2 comes before 10; grey stays grey."""
-    source = open_source(write_folder(tmp_path / 'plain', 'shot {}.png', grey=True))
+    """Without a truth there's none; 2 comes before 10."""
+    source = open_source(write_folder(tmp_path / 'plain', 'shot {}.png'))
     assert source.truth is None
     found = [frame for frame, _ in source.frames()]
-    assert all(np.array_equal(frame, sent) for frame, sent in zip(found, pictures(grey=True)))
+    assert all(np.array_equal(frame, sent) for frame, sent in zip(found, pictures()))
     record(source.frames(), tmp_path / 'bag', with_truth=False)
     with BagReader(tmp_path / 'bag') as bag:
         assert list(bag.topics) == ['/image']
@@ -130,3 +131,44 @@ def test_real_sequence(sequences, tmp_path):
     assert record(source.frames(), tmp_path / 'bag') == 120
     with BagReader(tmp_path / 'bag') as bag:
         assert len(list(bag.frames())) == len(bag.truth()) == 120
+
+
+@pytest.mark.parametrize('names', ['{}.png', 'shot{}_a.png', '{:04d}.png'])
+@pytest.mark.parametrize('grey', [False, True])
+def test_imported_as_evaluated(tmp_path, names, grey):
+    """Evaluation and import take the same pictures in the same order: 2 before 10."""
+    root = write_folder(tmp_path / 'sequence' / 'img', names, grey).parent
+    (root / 'groundtruth_rect.txt').write_text('1,2,3,4\n' * COUNT)
+    [sequence] = read_folder(root)
+    evaluated = list(sequence.frames())
+    imported = [frame for frame, _ in open_source(root).frames()]
+    wanted = [cv2.cvtColor(one, cv2.COLOR_GRAY2BGR) if grey else one for one in pictures(grey)]
+    for frames in (evaluated, imported):
+        assert [frame.shape for frame in frames] == [(20, 30, 3)] * COUNT
+        assert all(np.array_equal(frame, one) for frame, one in zip(frames, wanted))
+    np.testing.assert_array_equal(sequence.pick([9])[9], wanted[9])
+
+
+def test_turned_pictures_are_upright_everywhere(tmp_path):
+    """A camera that was held upright says so in the file, and both honour it."""
+    root = tmp_path / 'sequence'
+    (root / 'img').mkdir(parents=True)
+    data = cv2.imencode('.jpg', pictures()[0])[1].tobytes()
+    # An APP1 segment with one entry, orientation (0x112), a short of value 6: turn clockwise.
+    exif = (b'Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0')
+    segment = b'\xff\xe1' + (len(exif) + 2).to_bytes(2, 'big') + exif
+    (root / 'img' / '1.jpg').write_bytes(data[:2] + segment + data[2:])
+    (root / 'groundtruth_rect.txt').write_text('1,2,3,4\n')
+    [evaluated] = read_folder(root)[0].frames()
+    [(imported, _)] = open_source(root).frames()
+    assert evaluated.shape == imported.shape == (30, 20, 3)
+    assert np.array_equal(evaluated, imported)
+
+
+def test_sizes_must_be_one(tmp_path):
+    """A picture of another size is named, and no bag is left behind."""
+    root = write_folder(tmp_path / 'sequence')
+    cv2.imwrite(str(root / '0007.png'), np.zeros((20, 31, 3), np.uint8))
+    with pytest.raises(BagError, match='0007.png is 31 x 20.*30 x 20'):
+        record(open_source(root).frames(), tmp_path / 'bag')
+    assert not (tmp_path / 'bag').exists()

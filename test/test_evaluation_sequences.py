@@ -77,6 +77,19 @@ def test_one_folder_alone(tmp_path):
     assert not broken
 
 
+def test_nothing_like_a_sequence(tmp_path):
+    """A folder of other folders holds no broken sequences, but none."""
+    (tmp_path / 'letters').mkdir()
+    (tmp_path / 'letters' / 'to_mother.txt').write_text('...')
+    (tmp_path / 'bills').mkdir()
+    with pytest.raises(SequenceError, match='no sequences'):
+        find_sequences(tmp_path)
+    write_sequence(tmp_path / 'Good')
+    sequences, broken = find_sequences(tmp_path)
+    assert [sequence.name for sequence in sequences] == ['Good']
+    assert set(broken) == {'letters', 'bills'}
+
+
 def test_no_folder():
     """A folder that isn't there is an error."""
     with pytest.raises(SequenceError, match='no such folder'):

@@ -6,18 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 import math
 from pathlib import Path
-import re
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.recording import Truth
-from vtrack_ros.evaluation.sequences import image_files, read_truth
+from vtrack_ros.evaluation.sequences import (
+    image_files, read_image, read_truth, SequenceError)
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.images import compressed_to_frame
 
 #: What a sequence's folder calls its truth.
 TRUTH_NAME = 'groundtruth_rect.txt'
@@ -58,10 +56,11 @@ class Source:
         Raises
         ------
         BagError
-            If one can't be decoded, or there are more or fewer than the truth has rows.
+            If one can't be decoded or has another size, or there are more or fewer than the truth
+            has rows.
 
         """
-        decoded = map(_decoded, self.images) if self.images else _video_frames(self.path)
+        decoded = _decoded(self.images) if self.images else _video_frames(self.path)
         count = 0
         for frame in decoded:
             count += 1
@@ -99,7 +98,7 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     images: tuple[Path, ...] = ()
     rate = None
     if path.is_dir():
-        images = tuple(sorted(image_files(path), key=_by_number))
+        images = image_files(path)
         truth = truth or next((place for place in (path / TRUTH_NAME, path.parent / TRUTH_NAME)
                                if place.is_file()), None)
     else:
@@ -114,18 +113,19 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     return Source(path, images, boxes, rate)
 
 
-def _by_number(path: Path) -> list[tuple[int, str]]:
-    """Return a key that sorts 2.png before 10.png."""
-    return [(int(part), '') if part.isdecimal() else (-1, part)
-            for part in re.split(r'(\d+)', path.name)]
-
-
-def _decoded(path: Path) -> Frame:
-    data = np.fromfile(path, np.uint8)
-    try:
-        return compressed_to_frame(SimpleNamespace(format=path.suffix, data=data))
-    except ValueError:
-        raise BagError(f'{path} is not an image that can be decoded') from None
+def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:
+    size = None
+    for path in images:
+        try:
+            frame = read_image(path)
+        except SequenceError as error:
+            raise BagError(str(error)) from None
+        size = size or frame.shape
+        if frame.shape != size:
+            height, width = frame.shape[:2]
+            raise BagError(f'{path} is {width} x {height} pixels, but the images before it '
+                           f'{size[1]} x {size[0]}: a target is followed in images of one size')
+        yield frame
 
 
 def _video_rate(path: Path) -> float | None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 import hashlib
 from pathlib import Path
+import re
 
 import cv2
 import numpy as np
@@ -102,11 +103,11 @@ class FolderSequence(Sequence):
 
     def frames(self) -> Iterable[Frame]:
         """Decode the frames one by one, in BGR; errors as the base class."""
-        return (_read_image(path) for path in self.images)
+        return map(read_image, self.images)
 
     def pick(self, indices: Iterable[int]) -> dict[int, Frame]:
         """Decode only the frames that are wanted; errors as the base class."""
-        return {index: _read_image(self.images[index]) for index in indices}
+        return {index: read_image(self.images[index]) for index in indices}
 
     def fingerprint(self) -> str:
         """Return a hash of the truth and of every image file's content."""
@@ -143,14 +144,41 @@ def read_folder(folder: Path) -> list[FolderSequence]:
 
 
 def image_files(folder: Path) -> tuple[Path, ...]:
-    """Return the image files of a sequence's folder, sorted; SequenceError where none are."""
+    """
+    Return the image files of a sequence's folder, 2.png before 10.png.
+
+    Raises
+    ------
+    SequenceError
+        If there are none.
+
+    """
     for place in (folder / 'img', folder):
         if place.is_dir():
-            files = sorted(path for path in place.iterdir()
-                           if path.suffix.lower() in _IMAGE_SUFFIXES)
+            files = sorted((path for path in place.iterdir()
+                            if path.suffix.lower() in _IMAGE_SUFFIXES), key=_by_number)
             if files:
                 return tuple(files)
     raise SequenceError(f'{folder}: no images, neither in img/ nor in the folder itself')
+
+
+def read_image(path: Path) -> Frame:
+    """
+    Return an image file as a frame of shape (H, W, 3) in BGR order, grey ones too.
+
+    It's turned upright where the file says how the camera was held.
+
+    Raises
+    ------
+    SequenceError
+        If it can't be decoded.
+
+    """
+    data = np.fromfile(path, np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise SequenceError(f'{path}: not an image that can be decoded')
+    return np.asarray(image, dtype=np.uint8)
 
 
 def truth_files(folder: Path) -> list[Path]:
@@ -227,8 +255,11 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
     """
     if not root.is_dir():
         raise SequenceError(f'{root}: no such folder')
-    alone = (root / 'img').is_dir() or any(root.glob('groundtruth_rect*.txt'))
-    folders = [root] if alone else sorted(path for path in root.iterdir() if path.is_dir())
+    folders = ([root] if _like_a_sequence(root)
+               else sorted(path for path in root.iterdir() if path.is_dir()))
+    if not any(map(_like_a_sequence, folders)):
+        raise SequenceError(
+            f'{root}: no sequences; expected folders with img/ and groundtruth_rect.txt')
     sequences: list[Sequence] = []
     broken = {}
     for folder in folders:
@@ -236,9 +267,6 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
             sequences.extend(read_folder(folder))
         except SequenceError as error:
             broken[folder.name] = str(error)
-    if not folders:
-        raise SequenceError(
-            f'{root}: no sequences; expected folders with img/ and groundtruth_rect.txt')
     return sequences, broken
 
 
@@ -253,9 +281,12 @@ def uniquely_named(sequences: Iterable[Sequence]) -> list[Sequence]:
     return result
 
 
-def _read_image(path: Path) -> Frame:
-    data = np.fromfile(path, np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if image is None:
-        raise SequenceError(f'{path}: not an image that can be decoded')
-    return np.asarray(image, dtype=np.uint8)
+def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """Return a key that sorts 2.png before 10.png."""
+    parts = [(int(part), '') if part.isdecimal() else (-1, part)
+             for part in re.split(r'(\d+)', path.name)]
+    return parts, path.name
+
+
+def _like_a_sequence(folder: Path) -> bool:
+    return (folder / 'img').is_dir() or any(folder.glob('groundtruth_rect*.txt'))
