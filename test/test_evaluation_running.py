@@ -1,19 +1,24 @@
 """Trackers over sequences: what is run, what is kept, what is said when something is wrong."""
 
+import gc
 import json
 import math
 import subprocess
 import sys
+import weakref
 
 from evaluation_material import DeadlySequence, picture, truth_of, write_sequence, write_truth
 import numpy as np
 import pytest
 
 from vtrack_ros.cli.main import main
-from vtrack_ros.evaluation import evaluate, find_sequences, parse_variant, parse_variants
+from vtrack_ros.evaluation import (
+    evaluate, find_sequences, FolderSequence, parse_variant, parse_variants,
+    SequenceError)
 from vtrack_ros.evaluation.cache import RunCache
 from vtrack_ros.evaluation.document import document
 from vtrack_ros.evaluation.peers import peer_names
+from vtrack_ros.evaluation.report_html import html_page
 from vtrack_ros.evaluation.running import run_tracker
 from vtrack_ros.evaluation.scoring import FIGURES
 from vtrack_ros.evaluation.source import source_files, source_hash
@@ -287,3 +292,68 @@ def test_wrong_arguments(arguments, message, capsys):
     """Wrong arguments end with 2 and say what is wrong."""
     assert main(['evaluate', *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_pictures_that_changed_are_read_again(folder):
+    """In one process, a second evaluation sees the files as they are then."""
+    before = evaluate(['pf'], folder, jobs=0)
+    [first, _] = find_sequences(folder)[0]
+    for path in first.images[1:]:
+        path.write_bytes(first.images[0].read_bytes())
+    changed = evaluate(['pf'], [first], jobs=0)
+    assert (changed.runs('First', 'pf')[0].boxes != before.runs('First', 'pf')[0].boxes).any()
+
+
+def test_no_picture_is_kept(folder):
+    """When an evaluation in this process is over, or was given up, its frames are gone."""
+    [first, _] = find_sequences(folder)[0]
+    seen = []
+
+    class Watched(FolderSequence):
+        """A sequence that knows what became of its frames."""
+
+        def frames(self):
+            """Decode them, and remember them weakly."""
+            for frame in super().frames():
+                seen.append(weakref.ref(frame))
+                yield frame
+
+    def give_up(done, total):
+        if done:
+            raise KeyboardInterrupt
+
+    watched = Watched('Watched', first.truth, first.images)
+    evaluate(['pf'], [watched], jobs=0)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(['pf', 'gmpf'], [watched], jobs=0, progress=give_up)
+    gc.collect()
+    assert seen and not any(one() is not None for one in seen)
+
+
+def test_a_seed_that_failed_on_one_sequence(folder, tmp_path):
+    """The summary is of the seeds that ran everywhere; the others' runs stay in their place."""
+    cache = RunCache(tmp_path / 'cache')
+    evaluate(['pf'], folder, seeds=1, jobs=0, cache=cache)
+    [first, second] = find_sequences(folder)[0]
+    evaluate(['pf'], [first], seeds=2, jobs=0, cache=cache)
+
+    class Torn(FolderSequence):
+        """A sequence whose disk fails, with the content of the good one."""
+
+        def fingerprint(self):
+            """Return the good one's."""
+            return second.fingerprint()
+
+        def frames(self):
+            """Fail."""
+            raise SequenceError('not an image')
+
+    results = evaluate(['pf'], [first, Torn('Second', second.truth, second.images)], seeds=2,
+                       jobs=0, cache=cache)
+    assert [problem.sequence for problem in results.problems] == ['Second']
+    assert list(results.runs('First', 'pf')) == [0, 1]
+    assert list(results.runs('Second', 'pf')) == [0]
+    each = [results.scores[name]['pf'][0]['auc'] for name in ('First', 'Second')]
+    assert results.summary['pf']['auc'] == pytest.approx(np.mean(each))
+    assert json.loads(json.dumps(document(results)))['summary']['pf']['auc'] is not None
+    assert 'not an image' in html_page(results)

@@ -157,9 +157,13 @@ def checked_seeds(seeds: int | Iterable[int]) -> tuple[int, ...]:
 
 def _outcomes(tasks: Ordered[Task], jobs: int) -> Iterator[tuple[Task, list[Run] | str]]:
     if jobs == 0:
-        with opencv_on_one_thread():
-            for task in tasks:
-                yield task, run_task(task)
+        _forget_frames()
+        try:
+            with opencv_on_one_thread():
+                for task in tasks:
+                    yield task, run_task(task)
+        finally:
+            _forget_frames()
         return
     # Long ones first, so that no process is left with one at the end; those of one video together,
     # so that it's decoded once.
@@ -218,6 +222,12 @@ def _frames(sequence: Sequence) -> Iterable[Frame]:
     frames = [first, *stream]
     _kept = (sequence.video, frames)
     return frames
+
+
+def _forget_frames() -> None:
+    """Let go of the kept frames: the next evaluation in this process may be of other files."""
+    global _kept
+    _kept = None
 
 
 def _one_thread() -> None:

@@ -99,18 +99,24 @@ class Results:
 
     @cached_property
     def summary(self) -> dict[str, Scores]:
-        """Tracker -> means over its sequences, mean and standard deviation over seeds."""
+        """
+        Tracker -> means over its sequences, mean and standard deviation over seeds.
+
+        Of the seeds that ran on all of these sequences; a tracker without such a seed isn't in.
+        """
         result = {}
         for tracker in self.variants:
             ran = [name for name in self.sequences if self.runs(name, tracker)]
-            if not ran:
+            seeds = [seed for seed in self.seeds
+                     if all(seed in self.runs(name, tracker) for name in ran)]
+            if not ran or not seeds:
                 continue
             result[tracker] = {
                 seed: over_sequences(
                     (self.scores[name][tracker][seed] for name in ran),
                     (evidence(self.runs(name, tracker)[seed], self.sequences[name].truth)
                      for name in ran))
-                for seed in self.runs(ran[0], tracker)}
+                for seed in seeds}
         return {tracker: over_seeds(by_seed.values())
                 for tracker, by_seed in _compared(result).items()}
 
