@@ -113,7 +113,7 @@ def test_truth_beside_the_bag(tmp_path):
 @pytest.mark.parametrize('text, words', [
     ('x,y\n', 'first line'), ('stamp_ns,x,y,width,height\n1,2,3\n', 'line 2'),
     ('stamp_ns,x,y,width,height\n1,2,3,4,5\nfive,1,1,1,1\n', 'line 3'),
-    ('stamp_ns,x,y,width,height\n1,2,3,-4,5\n', 'positive')])
+    ('stamp_ns,x,y,width,height\n1,2,3,4,5,6\n', 'line 2')])
 def test_broken_truth_file(tmp_path, text, words):
     """The line and the reason are named."""
     path = write(tmp_path / 'bag')

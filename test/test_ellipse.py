@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry.ellipse import (
-    axes_of_bandwidth, bandwidth_of_axes, bandwidth_of_box, bounds_of_bandwidth, SIGMA,
+    axes_of_bandwidth, bandwidth_of_axes, bounds_of_bandwidth, SIGMA,
     square_root, turned)
 
 
@@ -19,11 +19,9 @@ def test_axes_and_angle_come_back(major, minor, angle):
     assert math.remainder(found[2] - angle, math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_box_is_the_bound_of_its_inscribed_ellipse():
-    """A box gives an ellipse whose bound is the box, and half its sides are the semi-axes."""
-    bandwidth = bandwidth_of_box(60.0, 30.0)
-    assert axes_of_bandwidth(bandwidth) == pytest.approx((30.0, 15.0, 0.0))
-    box = bounds_of_bandwidth((100.0, 50.0), bandwidth)
+def test_the_bound_of_an_upright_ellipse():
+    """Its sides are the axes, and it lies about the centre."""
+    box = bounds_of_bandwidth((100.0, 50.0), bandwidth_of_axes(30.0, 15.0, 0.0))
     assert box.as_array() == pytest.approx([70.0, 35.0, 60.0, 30.0])
 
 

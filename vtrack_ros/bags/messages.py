@@ -11,6 +11,7 @@ import numpy as np
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 
+from vtrack_ros.bags.truth import true_box
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.ros.images import fill_image
@@ -132,12 +133,12 @@ def detections(
 
 
 def detected_box(message: Any) -> Box | None:
-    """Return the box of the first detection of a Detection2DArray; None of an empty one."""
+    """Return the box of a Detection2DArray's first detection; None without one, or its area."""
     if not message.detections:
         return None
     bounds = message.detections[0].bbox
-    return Box.from_center(bounds.center.position.x, bounds.center.position.y, bounds.size_x,
-                           bounds.size_y)
+    return true_box(bounds.center.position.x - bounds.size_x / 2,
+                    bounds.center.position.y - bounds.size_y / 2, bounds.size_x, bounds.size_y)
 
 
 def pose(x: float, y: float, angle: float, stamp: int, frame_id: str) -> Any:

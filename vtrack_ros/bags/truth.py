@@ -18,6 +18,12 @@ TRUTH_FILE = 'truth.csv'
 _COLUMNS = ['stamp_ns', 'x', 'y', 'width', 'height']
 
 
+def true_box(x: float, y: float, width: float, height: float) -> Box | None:
+    """Return a box of the truth: None, the target is absent, unless it's finite and has area."""
+    finite = all(map(math.isfinite, (x, y, width, height)))
+    return Box(x, y, width, height) if finite and width > 0 and height > 0 else None
+
+
 def write_truth(path: Path, truth: Mapping[int, Box | None]) -> None:
     """
     Write ``stamp_ns,x,y,width,height`` rows; NaN where the target is absent.
@@ -55,9 +61,9 @@ def read_truth(path: Path) -> dict[int, Box | None]:
             raise BagError(f'{path}: the first line must be {",".join(_COLUMNS)}')
         for number, row in enumerate(rows, start=2):
             try:
-                stamp, values = int(row[0]), [float(text) for text in row[1:]]
-                absent = any(math.isnan(value) for value in values)
-                truth[stamp] = None if absent else Box(*values)
-            except (IndexError, TypeError, ValueError) as error:
-                raise BagError(f'{path}, line {number}: {error}') from None
+                stamp, (x, y, width, height) = int(row[0]), map(float, row[1:])
+            except (IndexError, ValueError):
+                raise BagError(f'{path}, line {number}: expected {",".join(_COLUMNS)} as numbers, '
+                               f'not {",".join(row)!r}') from None
+            truth[stamp] = true_box(x, y, width, height)
     return truth

@@ -42,6 +42,8 @@ class Box:
         """Convert the values to float and check them."""
         for name, value in tuple(self.__dict__.items()):
             try:
+                if not hasattr(value, '__float__'):
+                    raise TypeError
                 number = float(value)
             except (TypeError, ValueError):
                 raise TypeError(

@@ -15,11 +15,6 @@ SIGMA = 2.5
 Matrix = NDArray[np.float64]
 
 
-def bandwidth_of_box(width: float, height: float) -> Matrix:
-    """Return the bandwidth matrix, shape (2, 2), of the ellipse inscribed in a box, [px^2]."""
-    return np.diag([(width / (2 * SIGMA))**2, (height / (2 * SIGMA))**2])
-
-
 def bandwidth_of_axes(major: float, minor: float, angle: float) -> Matrix:
     """
     Return the bandwidth matrix of an ellipse.

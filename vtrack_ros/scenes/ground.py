@@ -127,8 +127,3 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
     dark = shadow(34, 9, 1.0)
     return (Actor(place, lambda time: dark),
             Actor(place, lambda time: person.sprite(*look(time))))
-
-
-def stroll(start: float, speed: float, sway: Motion) -> Motion:
-    """Return an even motion from a start at a speed per frame, with a sway."""
-    return lambda time: start + speed * time + sway(time)

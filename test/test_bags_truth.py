@@ -1,0 +1,48 @@
+"""The truth of bags: boxes that say that the target is absent."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+from vtrack_ros.bags import BagReader, BagWriter, messages  # noqa: E402
+from vtrack_ros.bags.truth import read_truth  # noqa: E402
+from vtrack_ros.cli.main import main  # noqa: E402
+from vtrack_ros.geometry import Box  # noqa: E402
+
+FIRST = 5_000_000_123
+
+
+def test_truth_without_area_is_absent(tmp_path):
+    """A box of no size, or of no number, says that the target is absent: topic and file alike."""
+    sizes = [(7.0, 9.0), (0.0, 9.0), (7.0, -1.0), (math.nan, 9.0), (math.inf, 9.0)]
+    with BagWriter(tmp_path / 'bag') as writer:
+        for index, (width, height) in enumerate(sizes):
+            message = messages.detections(Box(1, 2, 3, 4), FIRST + index, 'eye')
+            message.detections[0].bbox.size_x = width
+            message.detections[0].bbox.size_y = height
+            writer.write_frame(np.zeros((40, 40), np.uint8), FIRST + index)
+            writer.write('/truth', message, FIRST + index)
+    with BagReader(tmp_path / 'bag') as bag:
+        truth = list(bag.truth().values())
+    assert truth[0] is not None and truth[1:] == [None] * 4
+    rows = '\n'.join(f'{index},1,2,{width},{height}'
+                     for index, (width, height) in enumerate(sizes))
+    (tmp_path / 'truth.csv').write_text('stamp_ns,x,y,width,height\n' + rows)
+    assert list(read_truth(tmp_path / 'truth.csv').values()) == [Box(1, 2, 7, 9)] + [None] * 4
+
+
+def test_bag_with_truth_without_area_is_evaluated(repository, tmp_path, capsys):
+    """One such box is no reason to leave a bag out."""
+    with BagReader(repository / 'bags' / 'face_fast') as bag, \
+            BagWriter(tmp_path / 'bag') as writer:
+        for index, image in enumerate(bag.frames()):
+            message = messages.detections(Box(30, 30, 20, 20), image.stamp, 'eye')
+            if index == 3:
+                message.detections[0].bbox.size_x = 0.0
+            writer.write_frame(image.frame, image.stamp)
+            writer.write('/truth', message, image.stamp)
+    assert main(['evaluate', '--bags', str(tmp_path / 'bag'), '--trackers', 'pf', '--jobs', '1',
+                 '--no-cache']) == 0
+    assert 'AUC' in capsys.readouterr().out

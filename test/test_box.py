@@ -1,0 +1,31 @@
+"""Boxes: what is one, and what isn't."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from vtrack_ros.geometry import Box
+
+
+@pytest.mark.parametrize('number', [3, 3.0, np.float32(3), np.int64(3), np.array(3), Fraction(3)])
+def test_real_numbers(number):
+    """They're taken, and become floats."""
+    box = Box(number, number, number, number)
+    assert box == Box(3.0, 3.0, 3.0, 3.0)
+    assert {type(value) for value in vars(box).values()} == {float}
+
+
+@pytest.mark.parametrize('value', ['3', b'3', None, 3j, [3], np.array([3, 4])])
+def test_what_is_no_number(value):
+    """It's a TypeError that names the value, also where a float could be made of it."""
+    with pytest.raises(TypeError, match='box width must be a number'):
+        Box(1, 2, value, 4)
+
+
+@pytest.mark.parametrize('size, words', [
+    (0, 'positive'), (-1, 'positive'), (np.nan, 'finite'), (np.inf, 'finite')])
+def test_what_is_no_size(size, words):
+    """A box has an area."""
+    with pytest.raises(ValueError, match=words):
+        Box(1, 2, 3, size)
