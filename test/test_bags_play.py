@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
@@ -14,11 +15,15 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from rclpy.context import Context  # noqa: E402
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rosbags.interfaces import (  # noqa: E402
+    Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
+from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402
+from std_msgs.msg import Header  # noqa: E402
 
-from vtrack_ros.bags import BagReader  # noqa: E402
+from vtrack_ros.bags import BagReader, messages  # noqa: E402
 from vtrack_ros.ros.images import stamp_nanoseconds, to_frame  # noqa: E402
 
 PATIENCE = 30.0
@@ -34,10 +39,10 @@ class Listener:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def hear(self, kind, topic, reliability=ReliabilityPolicy.RELIABLE):
+    def hear(self, kind, topic, reliability=ReliabilityPolicy.RELIABLE, qos=None):
         """Subscribe; return the list of messages with the time of their arrival."""
         heard = []
-        qos = QoSProfile(depth=1000, reliability=reliability)
+        qos = qos or QoSProfile(depth=1000, reliability=reliability)
         self.node.create_subscription(
             kind, topic, lambda message: heard.append((time.monotonic(), message)), qos)
         return heard
@@ -58,6 +63,26 @@ class Listener:
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)
+
+
+def latched_bag(path, topic='/latched'):
+    """Write a bag of two images far apart, and a header before them that was latched."""
+    volatile = Qos(
+        QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, QosTime(0, 0),
+        QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
+    latched = volatile._replace(durability=QosDurability.TRANSIENT_LOCAL)
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for name, message, profile, stamps in (
+                (topic, messages.header(1, 'latched'), latched, [10 ** 9]),
+                ('/image', messages.image(np.zeros((4, 4), np.uint8), 10 ** 9, 'eye'), volatile,
+                 [10 ** 9 + 1, 4 * 10 ** 9])):
+            kind = message.__msgtype__
+            connection = writer.add_connection(
+                name, kind, typestore=messages.typestore(), offered_qos_profiles=[profile])
+            data = messages.typestore().serialize_cdr(message, kind)
+            for stamp in stamps:
+                writer.write(connection, stamp, data)
+    return path
 
 
 def play(*arguments):
@@ -144,9 +169,48 @@ def test_nobody_listens(repository):
     assert 'published 50 images' in out.splitlines()[-1]
 
 
+def test_late_subscribers_get_what_was_latched(tmp_path):
+    """What was recorded as transient local reaches a subscriber that asks for it, also late."""
+    path = latched_bag(tmp_path / 'bag')
+    with Listener() as listener:
+        # Played once somebody has subscribed to the image; the second comes half a minute later.
+        player = play(path, '--qos', 'auto', '--wait', PATIENCE, '--rate', 0.1)
+        images = listener.hear(Image, 'image')
+        listener.spin_until(lambda: images or player.poll() is not None, 'no image')
+        qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        latched = listener.hear(Header, 'latched', qos=qos)
+        listener.spin_until(lambda: latched or player.poll() is not None, 'nothing latched came')
+        [offered] = listener.node.get_publishers_info_by_topic('/image')
+        code, _, _ = finish(player, signal.SIGINT)
+    assert code == 130
+    assert [message.frame_id for _, message in latched] == ['latched']
+    assert offered.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
+def test_exchanged_names(repository):
+    """Two topics can exchange their names; ROS is told nothing that makes it warn."""
+    code, out, err = finish(play(repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0,
+                                 '--remap', 'image:=truth', 'truth:=image'))
+    assert code == 0 and err == ''
+    assert '/truth: 50 sensor_msgs/msg/Image' in out
+    assert '/image: 50 vision_msgs/msg/Detection2DArray' in out
+
+
+def test_recorded_name_that_ros_refuses(repository, tmp_path):
+    """It's said in one line, and --remap is the way out."""
+    path = latched_bag(tmp_path / 'bag', '/bad topic')
+    code, _, err = finish(play(path, '--wait', 0))
+    assert code == 2
+    assert len(err.splitlines()) == 1 and "'/bad topic'" in err and '--remap' in err
+    code, out, err = finish(play(path, '--wait', 0, '--rate', 100, '--remap', '/bad topic:=good'))
+    assert code == 0 and err == '' and '1 on /good' in out
+
+
 @pytest.mark.parametrize('arguments, words', [
     (['--topic', 'nothing'], '/image, /truth'), (['--rate', '0'], 'above 0'),
-    (['--remap', 'a=b'], 'FROM:=TO')])
+    (['--remap', 'a=b'], 'FROM:=TO'), (['--remap', 'imgae:=camera'], '/image, /truth'),
+    (['--remap', 'image:=bad topic'], "'/bad topic'"), (['--remap', 'image:=1'], "'/1'"),
+    (['--remap', 'image:=truth'], '/truth')])
 def test_wrong_arguments(repository, arguments, words):
     """One line and exit code 2."""
     code, out, err = finish(play(repository / 'bags' / 'face_fast', *arguments))

@@ -64,6 +64,9 @@ def test_help_needs_no_heavy_import():
     (['synth', 'face_fast', '--out', 'x', '--seed', '-1'], 'from 0'),
     (['synth', 'face_fast', '--out', 'x', '--format', 'zip'], 'mcap'),
     (['synth', 'face_fast', '--out', 'x', '--colour', 'red'], '--colour'),
+    (['synth', 'face_fast', '--out', 'x', '--topic', '/bad topic'], "'/bad topic'"),
+    (['synth', 'face_fast', '--out', 'x', '--topic', ''], 'name for a topic'),
+    (['synth', 'face_fast', '--out', 'x', '--topic', 'left/', '--compress', 'png'], "'left/'"),
     (['import', 'pictures'], '--out'),
     (['import', 'no/such/folder', '--out', 'x'], 'does not exist'),
     (['play'], 'BAG'),
@@ -97,6 +100,15 @@ def test_wrong_bags(tmp_path, repository: Path, capsys):
     assert '--init' in complaint(['replay', tmp_path / 'two', '--topic', 'left', *out], capsys)
     beyond = ['--topic', 'left', '--init', '90,90,5,5']
     assert 'no pixel' in complaint(['replay', tmp_path / 'two', *out, *beyond], capsys)
+
+
+def test_import_to_no_topic(tmp_path, capsys):
+    """A name that ROS doesn't take is refused before anything is written."""
+    cv2 = pytest.importorskip('cv2')
+    cv2.imwrite(str(tmp_path / '1.png'), np.zeros((4, 4, 3), np.uint8))
+    arguments = ['import', tmp_path, '--out', tmp_path / 'bag', '--topic', '1st']
+    assert "'1st' is not a name" in complaint(arguments, capsys)
+    assert not (tmp_path / 'bag').exists()
 
 
 def test_list(capsys):

@@ -11,7 +11,8 @@ from typing import Any
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
-from vtrack_ros.bags.reader import BagReader, RawMessage, Topic
+from vtrack_ros.bags.reader import BagReader, RawMessage
+from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 
 #: How long the player waits for reliable subscribers to have everything, in seconds.
 _FAREWELL = 2.0
@@ -65,12 +66,12 @@ class Player:
     names : mapping of str to str
         Topic in the bag -> topic to publish on, where they differ.
     reliability : {'auto', 'reliable', 'best_effort'}
-        'auto' offers what was offered at recording.
+        'auto' offers what was offered at recording; durability always is as it was.
 
     Raises
     ------
     BagError
-        If a topic isn't in the bag, or none can be played.
+        If a topic isn't in the bag, none can be played, or a name won't do for ROS.
 
     """
 
@@ -78,12 +79,13 @@ class Player:
                  names: Mapping[str, str] | None = None, reliability: str = 'auto') -> None:
         self._node = node
         self._bag = bag
-        self._names = {_absolute(old): _absolute(new) for old, new in (names or {}).items()}
+        self._names = {absolute(old): absolute(new) for old, new in (names or {}).items()}
         self._reliability = reliability
         self._publishers: dict[str, Any] = {}
         self._images: set[str] = set()
         self.skipped: list[str] = []
         self.topics = self._chosen(topics)
+        self._check_names()
         for topic in self.topics:
             self._publishers[topic.name] = self._publisher(topic)
             if topic.message_type in messages.IMAGE_TYPES:
@@ -177,11 +179,8 @@ class Player:
         if wanted is None:
             chosen = [topic for topic in known.values() if topic.count]
         else:
-            names = [_absolute(name) for name in wanted]
-            for name in names:
-                if name not in known:
-                    raise BagError(f'{self._bag.path} has no topic {name}; it has ' +
-                                   ', '.join(known))
+            names = [absolute(name) for name in wanted]
+            self._check_known(names)
             chosen = [known[name] for name in dict.fromkeys(names)]
         playable = []
         for topic in chosen:
@@ -197,15 +196,35 @@ class Player:
             raise BagError(f'{self._bag.path}: nothing to play; ' + '; '.join(self.skipped))
         return playable
 
+    def _check_known(self, names: Iterable[str]) -> None:
+        known = self._bag.topics
+        for name in names:
+            if name not in known:
+                raise BagError(f'{self._bag.path} has no topic {name}; it has ' +
+                               ', '.join(known))
+
+    def _check_names(self) -> None:
+        """Raise BagError where ROS would take a name not at all, or not for two types."""
+        self._check_known(self._names)
+        types: dict[str, str] = {}
+        for topic in self.topics:
+            name = checked_topic(self.published_name(topic.name), '; give --remap FROM:=TO')
+            kind = types.setdefault(name, topic.message_type)
+            if kind != topic.message_type:
+                raise BagError(f'{name} cannot carry both {kind} and {topic.message_type}; give '
+                               'another --remap, or choose with --topic')
+
     def _publisher(self, topic: Topic) -> Any:
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
         reliable = topic.reliable
         if self._reliability != 'auto':
             reliable = self._reliability == 'reliable'
-        policy = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        durability = (DurabilityPolicy.TRANSIENT_LOCAL if topic.transient_local
+                      else DurabilityPolicy.VOLATILE)
         return self._node.create_publisher(
             _message_class(topic.message_type), self.published_name(topic.name),
-            QoSProfile(depth=10, reliability=policy))
+            QoSProfile(depth=10, reliability=reliability, durability=durability))
 
     def _clock_publisher(self) -> Any:
         from builtin_interfaces.msg import Time
@@ -224,7 +243,3 @@ class Player:
 def _message_class(name: str) -> Any:
     package, _, message = name.split('/')
     return getattr(import_module(f'{package}.msg'), message)
-
-
-def _absolute(name: str) -> str:
-    return '/' + name.lstrip('/')

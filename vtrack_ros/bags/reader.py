@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 import sqlite3
@@ -10,7 +10,8 @@ import struct
 from types import TracebackType
 from typing import Any
 
-from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosReliability
+from rosbags.interfaces import (
+    Connection, ConnectionExtRosbag2, Qos, QosDurability, QosReliability)
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError as Ros1ReaderError
 from rosbags.rosbag2 import Reader as Ros2Reader
@@ -20,6 +21,7 @@ from rosbags.typesys import TypesysError
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.topics import absolute, Topic
 from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -30,30 +32,6 @@ _BROKEN = (
     Ros1ReaderError, Ros2ReaderError, SerdeError, TypesysError, sqlite3.Error, struct.error,
     AssertionError, AttributeError, EOFError, IndexError, KeyError,
     MemoryError, OverflowError, RuntimeError, TypeError, ValueError)
-
-
-@dataclass(frozen=True)
-class Topic:
-    """
-    A topic of a bag.
-
-    Parameters
-    ----------
-    name : str
-        With a leading slash, as ROS writes it.
-    message_type : str
-        Of its messages, such as ``sensor_msgs/msg/Image``.
-    count : int
-        How many messages there are.
-    reliable : bool
-        Whether its publisher offered reliable transport; so it's taken where that isn't known.
-
-    """
-
-    name: str
-    message_type: str
-    count: int
-    reliable: bool = True
 
 
 @dataclass(frozen=True)
@@ -140,8 +118,11 @@ class BagReader:
         for connection in self._reader.connections:
             earlier = found.get(connection.topic)
             count = connection.msgcount + (earlier.count if earlier else 0)
+            profiles = _profiles(connection)
             found[connection.topic] = Topic(
-                connection.topic, connection.msgtype, count, _reliable(connection))
+                connection.topic, connection.msgtype, count,
+                all(one.reliability is not QosReliability.BEST_EFFORT for one in profiles),
+                any(one.durability is QosDurability.TRANSIENT_LOCAL for one in profiles))
         return found
 
     @property
@@ -171,7 +152,7 @@ class BagReader:
                 raise BagError(f'{self.path} has several image topics: choose one of {listed} '
                                'with --topic')
             return images[0]
-        wanted = '/' + name.lstrip('/')
+        wanted = absolute(name)
         for topic in images:
             if topic.name == wanted:
                 return topic
@@ -302,8 +283,7 @@ class BagReader:
         return BagError(f'{self.path} is broken or truncated{place}: {text}')
 
 
-def _reliable(connection: Connection) -> bool:
-    if not isinstance(connection.ext, ConnectionExtRosbag2):
-        return True
-    profiles = connection.ext.offered_qos_profiles
-    return all(profile.reliability is not QosReliability.BEST_EFFORT for profile in profiles)
+def _profiles(connection: Connection) -> Sequence[Qos]:
+    """Return what the publishers offered, where that is known."""
+    extension = connection.ext
+    return extension.offered_qos_profiles if isinstance(extension, ConnectionExtRosbag2) else ()

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.topics import checked_topic
 from vtrack_ros.bags.writer import BagWriter
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -48,14 +49,14 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
     Raises
     ------
     BagError
-        If there's no frame, or the bag can't be written.
+        If there's no frame, the topic has no name for ROS, or the bag can't be written.
 
     """
-    count = 0
+    count, topic = 0, checked_topic(topic)
     with BagWriter(path, storage, compression) as writer:
         for frame, truth in frames:
             stamp = FIRST_STAMP + round(count * 1e9 / rate)
-            writer.write_frame(frame, stamp, '/' + topic.strip('/'))
+            writer.write_frame(frame, stamp, topic)
             if with_truth:
                 writer.write_truth(truth, stamp)
             count += 1

@@ -51,7 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
         rclpy = _rclpy()
         context = rclpy.context.Context()
         # Our own handlers end the player between two messages, after a last word.
-        rclpy.init(context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        # ROS would read our arguments as its own, and rename topics once more.
+        rclpy.init(args=[], context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
         node = rclpy.create_node('vtrack_play', context=context)
         try:
             with Player(node, bag, arguments.topic, dict(arguments.remap),

@@ -1,0 +1,68 @@
+"""Topics of bags, and their names, checked without ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import re
+
+from vtrack_ros.bags.errors import BagError
+
+_LONGEST = 247
+_NAME = re.compile(r'(/[A-Za-z_][A-Za-z0-9_]*)+')
+
+
+@dataclass(frozen=True)
+class Topic:
+    """
+    A topic of a bag.
+
+    Parameters
+    ----------
+    name : str
+        With a leading slash, as ROS writes it.
+    message_type : str
+        Of its messages, such as ``sensor_msgs/msg/Image``.
+    count : int
+        How many messages there are.
+    reliable : bool
+        Whether its publisher offered reliable transport; so it's taken where that isn't known.
+    transient_local : bool
+        Whether its publisher kept messages for those who subscribe late.
+
+    """
+
+    name: str
+    message_type: str
+    count: int
+    reliable: bool = True
+    transient_local: bool = False
+
+
+def absolute(name: str) -> str:
+    """Return a topic's name with its leading slash."""
+    return '/' + name.lstrip('/')
+
+
+def checked_topic(name: str, remedy: str = '') -> str:
+    """
+    Return a topic's name with its leading slash.
+
+    Parameters
+    ----------
+    name : str
+        With or without the slash.
+    remedy : str
+        Stands at the end of the message.
+
+    Raises
+    ------
+    BagError
+        If ROS doesn't take the name.
+
+    """
+    full = absolute(name)
+    if len(full) > _LONGEST or not _NAME.fullmatch(full):
+        raise BagError(
+            f'{name!r} is not a name for a topic: between slashes it has letters, digits and '
+            f'underscores, and no digit first, at most {_LONGEST} characters in all{remedy}')
+    return full
