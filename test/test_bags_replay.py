@@ -221,7 +221,25 @@ def test_scoring():
     scoring.add(step(2, Box(2, 1, 2, 2)))
     scoring.add(step(3, Box(0, 0, 9, 9), milliseconds=4.0))
     scoring.add(step(4, Box(0, 0, 2, 2), TrackState.SEARCHING, milliseconds=6.0))
-    expected = Figures(4, 3, 0, (1 + 1 / 3 + 0) / 3, 0.5, 4.0)
+    # Wrong is one of three after the start: the absent target that was measured.
+    expected = Figures(4, 3, 0, (1 + 1 / 3 + 0) / 3, 0.5, 4.0, 1 / 3)
     assert scoring.figures() == expected
     assert math.isclose(expected.frames_per_second, 250)
     assert Scoring({}).figures().mean_iou is None
+    assert Scoring({}).figures().wrong_tracking is None
+
+
+def test_scoring_of_what_was_wrong():
+    """A box off the target is wrong while it's measured; unknown truth says nothing."""
+    truth = {stamp: Box(0, 0, 10, 10) for stamp in range(5)}
+    scoring = Scoring(truth)
+    scoring.add(step(0, Box(40, 0, 10, 10), started=True))
+    scoring.add(step(1, Box(9, 0, 10, 10)))
+    scoring.add(step(2, Box(9, 0, 10, 10), TrackState.LOST))
+    scoring.add(step(3, Box(5, 0, 10, 10)))
+    scoring.add(step(4, None, milliseconds=0.01))
+    scoring.add(step(5, Box(40, 0, 10, 10)))
+    assert scoring.figures().wrong_tracking == 1 / 4
+    # Where there's no target the tracker has nothing to do, which tells nothing of its speed.
+    assert scoring.figures().ms_per_frame == 2.0
+    assert 'wrongly tracking       0.250' in scoring.figures().table()

@@ -12,7 +12,7 @@ from vtrack_ros.demo.summary import summarise
 from vtrack_ros.geometry import Box
 
 KEYS = ['frames_sent', 'frames_received', 'frames_tracked', 'frames_dropped', 'centre_error_px',
-        'mean_iou', 'ms_per_frame', 'latency_ms_p50', 'latency_ms_p99']
+        'mean_iou', 'wrong_tracking', 'ms_per_frame', 'latency_ms_p50', 'latency_ms_p99']
 
 
 def demo(repository, *arguments):
@@ -77,6 +77,8 @@ def test_summary_accounts_for_every_frame():
             summary.frames_dropped) == (6, 3, 2, 3)
     assert summary.mean_iou == 0.5 and summary.centre_error_px == 0.0
     assert summary.ms_per_frame == 3.0 and summary.latency_ms_p50 == 2.0
+    # Of the two frames that were answered after the first, one has a box but no target.
+    assert summary.wrong_tracking == 0.5
     assert not summary.tracked
 
 
@@ -85,5 +87,6 @@ def test_summary_without_truth():
     frames = {1: {'received_ns': 5, 'box': [0, 0, 10, 10]}}
     summary = summarise(frames, {}, sent=1)
     assert summary.mean_iou is None and summary.centre_error_px is None
+    assert summary.wrong_tracking is None
     assert summary.tracked
     assert 'no truth' in summary.table()

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from vtrack_ros.evaluation import metrics, reporting
+from vtrack_ros.evaluation.running import Run
+from vtrack_ros.evaluation.scoring import score
 from vtrack_ros.geometry import Box
 
 NAN = [math.nan] * 4
@@ -161,3 +163,24 @@ def test_stretches():
     assert metrics.stretches(np.array([1, 1, 0, 1, 0, 0, 1], dtype=bool)) == [
         (0, 2), (3, 4), (6, 7)]
     assert metrics.stretches(np.zeros(3, dtype=bool)) == []
+
+
+def test_wrong_tracking():
+    """TRACKING is wrong off the target and where it's absent; a prediction never is."""
+    truth = np.array([(0, 0, 10, 10)] * 6 + [NAN] * 3)
+    boxes = np.array([(0, 0, 10, 10), (0, 0, 10, 10), (9, 0, 10, 10), (9, 0, 10, 10),
+                      (5, 0, 10, 10), (30, 0, 10, 10), (0, 0, 10, 10), (0, 0, 10, 10),
+                      (50, 0, 10, 10)])
+    measured = np.array([1, 1, 1, 0, 1, 1, 1, 0, 1], dtype=bool)
+    count = len(truth)
+    run = Run(boxes, np.tile(np.eye(2), (count, 1, 1)), np.ones(count), measured,
+              np.ones(count - 1), np.ones(count - 1))
+    # Of eight frames after the first: overlaps of 1/19 and 0, and two with the target absent.
+    assert score(run, truth)['wrong_tracking'] == 4 / 8
+    for index in range(1, count):
+        found = Box(*boxes[index]) if measured[index] else None
+        true = None if np.isnan(truth[index]).any() else Box(*truth[index])
+        assert metrics.wrongly_measured(found, true) == (index in (2, 5, 6, 8))
+    honest = Run(boxes, run.covariances, run.confidences, measured & False, run.wall_ms,
+                 run.cpu_ms)
+    assert score(honest, truth)['wrong_tracking'] == 0

@@ -10,6 +10,7 @@ import numpy as np
 
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import StampedFrame
+from vtrack_ros.evaluation.metrics import wrongly_measured
 from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Estimate
@@ -103,7 +104,10 @@ class Figures:
         Over the images whose truth is known and present, from the start on: the overlap with 0
         where no box was measured, the error where one was. None without truth.
     ms_per_frame : float or None, [ms]
-        The tracker's own time, mean without the starting frames.
+        The tracker's own time, mean over the frames with a target, without the starting ones.
+    wrong_tracking : float or None
+        Over the images whose truth is known, after the start: the share of those with a measured
+        box that is off the target (IoU < 0.1), or with the target absent. None without truth.
 
     """
 
@@ -113,6 +117,7 @@ class Figures:
     mean_iou: float | None
     centre_error_px: float | None
     ms_per_frame: float | None
+    wrong_tracking: float | None
 
     @property
     def frames_per_second(self) -> float | None:
@@ -123,8 +128,8 @@ class Figures:
         """Return key -> value."""
         return {'frames': self.frames, 'frames_tracked': self.frames_tracked,
                 'frames_malformed': self.frames_malformed, 'mean_iou': self.mean_iou,
-                'centre_error_px': self.centre_error_px, 'ms_per_frame': self.ms_per_frame,
-                'fps': self.frames_per_second}
+                'centre_error_px': self.centre_error_px, 'wrong_tracking': self.wrong_tracking,
+                'ms_per_frame': self.ms_per_frame, 'fps': self.frames_per_second}
 
     def table(self) -> str:
         """Return the figures for a person."""
@@ -134,6 +139,7 @@ class Figures:
             ('frames', str(self.frames)), ('tracked', str(self.frames_tracked)),
             ('mean IoU', shown(self.mean_iou, 3, '', 'no truth')),
             ('mean centre error', shown(self.centre_error_px, 2, ' px', 'no truth')),
+            ('wrongly tracking', shown(self.wrong_tracking, 3, '', 'no truth')),
             ('ms per frame', shown(self.ms_per_frame, 3, '', '-')),
             ('frames per second', shown(self.frames_per_second, 0, '', '-'))]
         if self.frames_malformed:
@@ -158,17 +164,21 @@ class Scoring:
         self._times: list[float] = []
         self._overlaps: list[float] = []
         self._errors: list[float] = []
+        self._wrong: list[float] = []
 
     def add(self, step: Step) -> None:
         """Count a step in."""
-        estimate, box = step.estimate, self._truth.get(step.image.stamp)
+        estimate, stamp = step.estimate, step.image.stamp
         if estimate is None and self._frames == 0:
             return
         self._frames += 1
-        if not step.started:
+        if estimate is not None and not step.started:
             self._times.append(step.milliseconds)
         found = estimate.box if estimate is not None and estimate.measured else None
         self._tracked += found is not None
+        box = self._truth.get(stamp)
+        if stamp in self._truth and not step.started:
+            self._wrong.append(wrongly_measured(found, box))
         if box is not None:
             self._overlaps.append(0.0 if found is None else found.iou(box))
             if found is not None:
@@ -177,7 +187,7 @@ class Scoring:
     def figures(self, malformed: int = 0) -> Figures:
         """Return the figures, given how many images could not be read."""
         return Figures(self._frames, self._tracked, malformed, _mean(self._overlaps),
-                       _mean(self._errors), _mean(self._times))
+                       _mean(self._errors), _mean(self._times), _mean(self._wrong))
 
 
 def _mean(values: Sequence[float]) -> float | None:

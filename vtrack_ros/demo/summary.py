@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from vtrack_ros.evaluation.metrics import wrongly_measured
 from vtrack_ros.geometry import Box
 
 #: Less than this share of tracked frames isn't tracking.
@@ -30,6 +31,9 @@ class Summary:
     centre_error_px, mean_iou : float or None
         Over the answered frames that have a truth: the error where there was a box, the overlap
         with 0 where there was none. None without truth.
+    wrong_tracking : float or None
+        Over the frames that were answered after the first and whose truth is known: the share of
+        those with a box off the target (IoU < 0.1), or with the target absent. None without truth.
     ms_per_frame : float, [ms]
         The tracker's own time, mean.
     latency_ms_p50, latency_ms_p99 : float, [ms]
@@ -43,6 +47,7 @@ class Summary:
     frames_dropped: int
     centre_error_px: float | None
     mean_iou: float | None
+    wrong_tracking: float | None
     ms_per_frame: float | None
     latency_ms_p50: float | None
     latency_ms_p99: float | None
@@ -68,6 +73,7 @@ class Summary:
             ('frames dropped', str(self.frames_dropped)),
             ('mean centre error', shown(self.centre_error_px, ' px')),
             ('mean IoU', shown(self.mean_iou, '')),
+            ('wrongly tracking', shown(self.wrong_tracking, '')),
             ('ms per frame', '-' if self.ms_per_frame is None else f'{self.ms_per_frame:.2f}'),
             ('latency p50', '-' if self.latency_ms_p50 is None
              else f'{self.latency_ms_p50:.2f} ms'),
@@ -99,11 +105,14 @@ def summarise(frames: Mapping[int, Mapping[str, Any]], truth: Mapping[int, Box |
                 for stamp, box in visible.items()]
     errors = [boxes[stamp].center_distance(box)
               for stamp, box in visible.items() if stamp in boxes]
+    # The first frame's box was given.
+    wrong = [float(wrongly_measured(boxes.get(stamp), truth[stamp]))
+             for stamp in sorted(answered)[1:] if stamp in truth]
     times = [row['ms_per_frame'] for row in answered.values() if 'ms_per_frame' in row]
     latency = [row['latency_ms'] for row in answered.values() if 'latency_ms' in row]
     return Summary(
         sent, len(answered), len(boxes), sent - len(answered), _mean(errors), _mean(overlaps),
-        _mean(times), _percentile(latency, 50), _percentile(latency, 99))
+        _mean(wrong), _mean(times), _percentile(latency, 50), _percentile(latency, 99))
 
 
 def _mean(values: list[float]) -> float | None:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtrack_ros.geometry import Box
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -176,6 +178,11 @@ def on_target(overlap: FloatArray) -> BoolArray:
 def off_target(overlap: FloatArray) -> BoolArray:
     """Return where the box is off the target, or the target absent."""
     return np.nan_to_num(overlap, nan=0.0) < OFF_TARGET
+
+
+def wrongly_measured(found: Box | None, truth: Box | None) -> bool:
+    """Return whether a measured box (None without one) is off the target, or that absent (None)."""
+    return found is not None and (truth is None or found.iou(truth) < OFF_TARGET)
 
 
 def stretches(mask: BoolArray) -> list[tuple[int, int]]:

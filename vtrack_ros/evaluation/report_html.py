@@ -19,23 +19,23 @@ from vtrack_ros.evaluation.results import Results, Scores
 from vtrack_ros.evaluation.running import Run
 from vtrack_ros.evaluation.scoring import FIGURES
 from vtrack_ros.evaluation.sequences import Sequence
-from vtrack_ros.evaluation.table import number_text
+from vtrack_ros.evaluation.table import number_text, ranked
 
 #: What is better for a figure: its largest value or its smallest; the others aren't compared.
 _BEST = {'auc': max, 'precision20': max, 'normalised_precision': max, 'auroc': max,
          'losses_reported': max, 'found15': max, 'rmse_mean': min, 'rmse_var': min,
          'failures': min, 'recovery_frames': min, 'report_frames': min, 'false_alarms': min,
-         'ms_median': min, 'ms_p99': min, 'cpu_ms_median': min, 'cei': min}
+         'wrong_tracking': min, 'ms_median': min, 'ms_p99': min, 'cpu_ms_median': min, 'cei': min}
 
 _QUESTIONS = {
     'Where is it?': ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'rmse_var',
                      'failures', 'recovery_frames'),
     'Does it know?': ('auroc', 'losses', 'losses_reported', 'report_frames', 'false_alarms',
-                      'returns', 'found15', 'coverage50', 'coverage90'),
+                      'wrong_tracking', 'returns', 'found15', 'coverage50', 'coverage90'),
     'What does it cost?': ('ms_median', 'ms_p99', 'cpu_ms_median', 'cei'),
 }
 _FOR_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'report_frames',
-                 'false_alarms', 'found15', 'coverage90', 'ms_median')
+                 'false_alarms', 'wrong_tracking', 'found15', 'coverage90', 'ms_median')
 
 
 def write_html(results: Results, path: Path) -> None:
@@ -45,14 +45,13 @@ def write_html(results: Results, path: Path) -> None:
 
 def html_page(results: Results) -> str:
     """Return the page; it refers to nothing outside itself."""
-    ranked = sorted(results.summary, key=lambda label: -_number(results.summary[label]['auc']))
-    colors = {label: colour(index) for index, label in enumerate(ranked)}
+    rows = ranked(results)
+    colors = {label: colour(index) for index, label in enumerate(rows)}
     body = [_head(results)]
     if results.problems:
         lines = ''.join(f'<li>{escape(str(problem))}</li>' for problem in results.problems)
         body.append(f'<section class="problems"><h2>Skipped</h2><ul>{lines}</ul></section>')
-    if ranked:
-        rows = {label: results.summary[label] for label in ranked}
+    if rows:
         tables = (f'<h3>{escape(question)}</h3>' + _figures_table(rows, colors, keys)
                   for question, keys in _QUESTIONS.items())
         body += [
@@ -200,7 +199,3 @@ def _swatch(color: str) -> str:
 
 def _value(scores: Scores, key: str) -> float:
     return scores.get(key, math.nan)
-
-
-def _number(value: float) -> float:
-    return -math.inf if math.isnan(value) else value

@@ -9,23 +9,32 @@ from vtrack_ros.evaluation.results import Results, Scores
 from vtrack_ros.evaluation.scoring import FIGURES
 
 _SUMMARY = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
-            'losses_reported', 'report_frames', 'false_alarms', 'found15', 'coverage50',
-            'coverage90', 'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
+            'losses_reported', 'report_frames', 'false_alarms', 'wrong_tracking', 'found15',
+            'coverage50', 'coverage90', 'ms_median', 'ms_p99', 'cpu_ms_median', 'cei')
 #: The names of the figures in tables.
 TITLES = {figure.key: figure.title for figure in FIGURES}
 _FRACTIONS = frozenset({
     'auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported', 'false_alarms',
-    'coverage50', 'coverage90', 'found15', 'cei'})
+    'wrong_tracking', 'coverage50', 'coverage90', 'found15', 'cei'})
+
+
+def ranked(results: Results) -> dict[str, Scores]:
+    """Return the summary by tracker: the best AUC first, those without one last."""
+    def worth(label: str) -> float:
+        value = results.summary[label]['auc']
+        return -math.inf if math.isnan(value) else value
+    return {label: results.summary[label]
+            for label in sorted(results.summary, key=worth, reverse=True)}
 
 
 def summary_table(results: Results) -> str:
     """Return the summary: one line per tracker, the best AUC first."""
-    ranked = sorted(results.summary.items(), key=lambda item: -_number(item[1]['auc']))
+    order = ranked(results)
     many = len(results.seeds) > 1
     keys = [key for key in _SUMMARY
-            if any(not math.isnan(scores.get(key, math.nan)) for _, scores in ranked)]
+            if any(not math.isnan(scores.get(key, math.nan)) for scores in order.values())]
     rows = [['tracker', *(TITLES[key] for key in keys)]]
-    for tracker, scores in ranked:
+    for tracker, scores in order.items():
         rows.append([tracker, *(_cell(scores, key, many and key == 'auc') for key in keys)])
     return aligned(rows)
 
@@ -68,7 +77,3 @@ def number_text(value: float, key: str) -> str:
 def _cell(scores: Scores, key: str, spread: bool = False) -> str:
     text = number_text(scores.get(key, math.nan), key)
     return f'{text} ±{scores[key + "_std"]:.3f}' if spread and text != '-' else text
-
-
-def _number(value: float) -> float:
-    return -math.inf if math.isnan(value) else value
