@@ -91,9 +91,11 @@ class Canvas:
 
     def text(self, text: str, colour: tuple[int, int, int] = TRUTH) -> None:
         """Write a line into the top left corner."""
-        for thickness, shade in ((3, (0, 0, 0)), (1, colour)):
-            cv2.putText(self.picture, text, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, shade,
-                        thickness, cv2.LINE_AA)
+        # Thick letters are wider ones in OpenCV 5: the edge is of thin ones all around.
+        around = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
+        for (x, y), shade in (*((place, (0, 0, 0)) for place in around), ((0, 0), colour)):
+            cv2.putText(self.picture, text, (6 + x, 18 + y), cv2.FONT_HERSHEY_SIMPLEX, 0.5, shade,
+                        1, cv2.LINE_AA)
 
     def estimate(self, estimate: Estimate) -> None:
         """Draw all that a tracker knows."""
