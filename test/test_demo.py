@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -42,6 +43,48 @@ def test_face_fast(repository, tmp_path):
     assert sum(1 for _ in iter(lambda: video.read()[0], False)) == 50
 
 
+def test_interrupted(repository, tmp_path):
+    """Ctrl-C ends all processes: 130, no traceback, no picture of half a run."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'vtrack_ros.demo', '--out', str(tmp_path)], cwd=repository,
+        env=dict(os.environ), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        start_new_session=True)
+    # The first line of progress says that frames are being answered.
+    assert 'frames' in process.stderr.readline()
+    os.killpg(process.pid, signal.SIGINT)
+    errors = process.communicate(timeout=60)[1]
+    assert 'Traceback' not in errors, errors
+    assert process.returncode == 130
+    assert not list(tmp_path.glob('*.mp4')) and not list(tmp_path.glob('*.png'))
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_interrupted_while_it_loads(repository, tmp_path):
+    """Ctrl-C before anything began is no other."""
+    code = ('import signal, sys\n'
+            'class Finder:\n'
+            '    def find_spec(self, name, *_):\n'
+            '        if name == "cv2":\n'
+            '            signal.raise_signal(signal.SIGINT)\n'
+            'sys.meta_path.insert(0, Finder())\n'
+            'sys.argv[1:] = ["--out", sys.argv[1]]\n'
+            'import runpy; runpy.run_module("vtrack_ros.demo", run_name="__main__")')
+    run = subprocess.run([sys.executable, '-c', code, str(tmp_path)], cwd=repository,
+                         env=dict(os.environ), capture_output=True, text=True, timeout=60)
+    assert run.returncode == 130
+    assert 'Traceback' not in run.stderr, run.stderr
+
+
+def test_place_that_cannot_be(repository, tmp_path):
+    """Pictures can't go into a file, and that's said before anything runs."""
+    (tmp_path / 'file').write_text('mine')
+    run = demo(repository, '--out', tmp_path / 'file')
+    assert run.returncode == 2
+    assert len(run.stderr.splitlines()) == 1 and str(tmp_path / 'file') in run.stderr
+    assert 'Errno' not in run.stderr
+
+
 def test_untracked_target_is_a_failure(repository, tmp_path):
     """Whoever is told to follow something else than the target fails."""
     run = demo(repository, '--out', tmp_path, '--init-box', '100,70,20,20')
@@ -52,7 +95,7 @@ def test_untracked_target_is_a_failure(repository, tmp_path):
 @pytest.mark.parametrize('arguments, words', [
     (['--tracker', 'nobody'], 'gmpf'),
     (['--bag', 'nowhere'], 'nowhere does not exist'),
-    (['--seed', '-1'], '-1 is not from 0'),
+    (['--seed', '-1'], 'from 0 to'),
     (['--init-box', '1,2,3'], 'X,Y,WIDTH,HEIGHT'),
     (['--topic', '/nothing'], '/nothing'),
 ])

@@ -92,12 +92,13 @@ def _run(words: list[str]) -> int:
         return _complain('vtrack', f'unknown command {name!r}; {hint}')
     command, prog = _COMMANDS[name], f'vtrack {name}'
     try:
+        from vtrack_ros.cli.arguments import negative_values
         module = import_module(command.module)
         parser = Parser(prog, description=_sentence(command.summary),
                         epilog=getattr(module, 'EXAMPLES', None),
                         formatter_class=argparse.RawDescriptionHelpFormatter)
         module.add_arguments(parser)
-        return int(module.run(parser.parse_args(words[1:])))
+        return int(module.run(parser.parse_args(negative_values(words[1:]))))
     except ModuleNotFoundError as error:
         if (error.name or '').partition('.')[0] == 'vtrack_ros':
             raise
@@ -108,8 +109,14 @@ def _run(words: list[str]) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        _complain(prog, str(error))
+        _complain(prog, in_words(error))
         return 1
+
+
+def in_words(error: OSError) -> str:
+    """Return what the system found wrong, and where, without its number."""
+    known = error.filename is not None and error.strerror is not None
+    return f'{error.filename}: {error.strerror}' if known else str(error)
 
 
 def _overview() -> str:
