@@ -78,6 +78,8 @@ def test_help_needs_no_heavy_import():
     (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles=many'], 'integer'),
     (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles=0'], 'from'),
     (['replay', 'b', '--tracker', 'pf', '--out', 'x', '--set', 'particles'], 'NAME=VALUE'),
+    (['replay', 'b', '--tracker', 'pf', '--set', 'gmpf.particles=40'], "'gmpf.particles'"),
+    (['replay', 'b', '--out', 'x', '--init', '-1,2,3'], 'X,Y,WIDTH,HEIGHT'),
     (['replay', 'b', '--out', 'x', '--init', '1,2,3'], 'X,Y,WIDTH,HEIGHT'),
     (['replay', 'b', '--out', 'x', '--init', '1,2,3,-4'], 'positive'),
     (['replay', 'b', '--out', 'x', '--init', '1,2,3,nan'], 'finite'),
@@ -154,6 +156,46 @@ def test_parameters_are_listed(capsys):
     assert main(['replay', '-', '--tracker', 'pf', '--list-parameters']) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith('particles = ') and 'integer from' in line for line in lines)
+
+
+def test_a_box_may_begin_with_a_minus(repository, tmp_path, capsys):
+    """A target that reaches beyond the left border needs no other spelling."""
+    results = []
+    for box in (['--init', '-10,5,40,30'], ['--init=-10,5,40,30']):
+        assert main(['replay', str(repository / 'bags' / 'face_fast'), '--tracker', 'pf', '--out',
+                     str(tmp_path / str(len(results))), '--no-video', *box]) == 0
+        results.append((tmp_path / str(len(results)) / 'results.csv').read_bytes())
+    assert results[0] == results[1]
+    assert b',-10.0,5.0,' in results[0]
+
+
+def test_a_parameter_may_have_its_node_name(repository, tmp_path, capsys):
+    """Configuration files say pf.particles, and so may --set."""
+    results = []
+    for name in ('pf.particles', 'particles'):
+        assert main(['replay', str(repository / 'bags' / 'face_fast'), '--tracker', 'pf', '--set',
+                     f'{name}=30', 'preset=paper', '--out', str(tmp_path / name),
+                     '--no-video']) == 0
+        results.append((tmp_path / name / 'results.csv').read_bytes())
+    assert results[0] == results[1]
+
+
+def test_places_that_cannot_be(repository, tmp_path, capsys):
+    """Errors of the system come in words that say where."""
+    bag = str(repository / 'bags' / 'face_fast')
+    (tmp_path / 'file').write_text('mine')
+    for arguments in (
+            ['synth', 'face_fast', '--frames', '1', '--out', '/proc/nowhere'],
+            ['synth', 'face_fast', '--frames', '1', '--out', str(tmp_path / 'file' / 'bag')],
+            ['evaluate', '--bags', bag, '--trackers', 'pf', '--html', str(tmp_path)],
+            ['evaluate', '--bags', bag, '--trackers', 'pf', '--json', '/proc/nowhere',
+             '--no-cache', '--jobs', '1']):
+        assert main(arguments) in (1, 2)
+        line = capsys.readouterr().err.splitlines()[-1]
+        assert line.startswith('vtrack ') and 'Errno' not in line
+        assert any(word in line for word in ('/proc/nowhere', str(tmp_path)))
+    (tmp_path / 'letters').mkdir()
+    assert 'no sequences' in complaint(['evaluate', '--sequences', tmp_path], capsys)
 
 
 def command(*arguments, **options):

@@ -124,4 +124,6 @@ def _output(text: str) -> Path:
     path = Path(text)
     if not path.resolve().parent.is_dir():
         raise argparse.ArgumentTypeError(f'there is no folder {path.resolve().parent}')
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f'{path} is a folder, not a file')
     return path

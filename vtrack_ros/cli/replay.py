@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         for name, row in table.items():
             print(f'{name} = {row.default}  ({row.valid})  {row.description}')
         return 0
-    values = dict(_assignment(text) for text in arguments.set)
+    values = dict(_assignment(text, arguments.tracker) for text in arguments.set)
     unknown = [name for name in values if name not in table]
     if unknown:
         raise ValueError(f'{arguments.tracker} has no parameter {unknown[0]!r}; valid are ' +
@@ -122,8 +122,9 @@ def _film(film: Film, step: Step, true_box: Box | None) -> None:
              estimate.box.center if estimate.measured else None)
 
 
-def _assignment(text: str) -> tuple[str, str]:
+def _assignment(text: str, tracker: str) -> tuple[str, str]:
+    """Return name and value; the name may have the tracker before it, as it has in a node."""
     name, separator, value = text.partition('=')
     if not (name and separator):
         raise ValueError(f'--set must be NAME=VALUE, not {text!r}')
-    return name, value
+    return name.removeprefix(f'{tracker}.'), value
