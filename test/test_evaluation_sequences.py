@@ -127,7 +127,8 @@ def test_bag(repository):
     """A recorded bag is a sequence with its truth, NaN where the target is absent."""
     pytest.importorskip('rosbags', reason='needs rosbags')
     from vtrack_ros.evaluation.bag_sequence import read_bag
-    sequence = read_bag(repository / 'bags' / 'face_fast')
+    sequence = read_bag(str(repository / 'bags' / 'face_fast'))
+    assert sequence.fingerprint()
     assert sequence.name == 'face_fast'
     frames = list(sequence.frames())
     assert len(frames) == len(sequence) == 50

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 import sqlite3
+from statistics import median
 import struct
 from types import TracebackType
 from typing import Any
@@ -231,6 +232,12 @@ class BagReader:
                 continue
             yield StampedFrame(stamp_nanoseconds(message.header.stamp), raw.received,
                                message.header.frame_id, frame)
+
+    def rate(self, topic: str) -> float:
+        """Return how many messages of a topic came in a second, or 25 where they don't tell."""
+        times = [raw.received for raw in self.raw({topic})]
+        intervals = [late - early for early, late in zip(times, times[1:]) if late > early]
+        return 1e9 / median(intervals) if intervals else 25.0
 
     def truth(self, topic: str = TRUTH_TOPIC) -> dict[int, Box | None]:
         """

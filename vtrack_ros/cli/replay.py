@@ -6,7 +6,6 @@ import argparse
 from contextlib import ExitStack
 import json
 from pathlib import Path
-from statistics import median
 import sys
 
 from vtrack_ros.bags import BagReader
@@ -83,7 +82,7 @@ def _follow(arguments: argparse.Namespace, follower: Follower) -> int:
             results = stack.enter_context(ResultFolder(arguments.out, arguments.bag))
             if not arguments.no_video:
                 film = stack.enter_context(
-                    Film(results.place, _frame_rate(bag, topic.name), topic.count))
+                    Film(results.place, bag.rate(topic.name), topic.count))
         scoring, show = Scoring(truth), ProgressBar(sys.stderr, 'frames')
         done = 0
         for done, step in enumerate(steps, start=1):
@@ -100,13 +99,6 @@ def _follow(arguments: argparse.Namespace, follower: Follower) -> int:
     figures = scoring.figures(len(malformed))
     print(json.dumps(figures.as_json()) if arguments.json else figures.table())
     return 0
-
-
-def _frame_rate(bag: BagReader, topic: str) -> float:
-    """Return how many images the bag has per second."""
-    times = [raw.received for raw in bag.raw({topic})]
-    intervals = [late - early for early, late in zip(times, times[1:]) if late > early]
-    return 1e9 / median(intervals) if intervals else 25.0
 
 
 def _film(film: Film, step: Step, true_box: Box | None) -> None:

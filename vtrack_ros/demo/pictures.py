@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 import numpy as np
@@ -39,11 +38,8 @@ def draw_run(bag: Path, topic: str, frames: Mapping[int, Mapping[str, Any]],
         The video and the sheet.
 
     """
-    with BagReader(bag) as reader:
-        stamps = [frame.stamp for frame in reader.frames(topic)]
-    intervals = [late - early for early, late in zip(stamps, stamps[1:]) if late > early]
-    rate = 1e9 / median(intervals) if intervals else 30.0
-    with BagReader(bag) as reader, Film(out, rate, len(stamps)) as film:
+    with BagReader(bag) as reader, Film(
+            out, reader.rate(topic), reader.image_topic(topic).count) as film:
         for frame in reader.frames(topic):
             _film(film, frame.frame, frames.get(frame.stamp, {}), truth.get(frame.stamp))
     return film.paths

@@ -71,13 +71,13 @@ class BagSequence(Sequence):
         return digest.hexdigest()
 
 
-def read_bag(path: Path, topic: str | None = None) -> BagSequence:
+def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     """
     Return a bag as a sequence, named as its file or folder.
 
     Parameters
     ----------
-    path : Path
+    path : str or Path
         As `vtrack_ros.bags.BagReader` takes it.
     topic : str, optional
         The image topic, where there are several.
@@ -91,6 +91,7 @@ def read_bag(path: Path, topic: str | None = None) -> BagSequence:
 
     """
     from vtrack_ros.bags import BagError, BagReader
+    path = Path(path)
     try:
         with BagReader(path) as bag:
             name = bag.image_topic(topic).name

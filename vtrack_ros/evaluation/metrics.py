@@ -181,7 +181,7 @@ def off_target(overlap: FloatArray) -> BoolArray:
 
 
 def wrongly_measured(found: Box | None, truth: Box | None) -> bool:
-    """Return whether a measured box (None without one) is off the target, or that absent (None)."""
+    """Return whether a box was measured (not None) off the target, or with it absent (None)."""
     return found is not None and (truth is None or found.iou(truth) < OFF_TARGET)
 
 
