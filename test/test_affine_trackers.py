@@ -237,6 +237,24 @@ def test_the_box_of_the_paper_preset_bounds_the_affine_frame():
     assert_allclose(corners[:2].max(1), (box.x + box.width, box.y + box.height), atol=1e-9)
 
 
+@pytest.mark.parametrize('name', _NAMES)
+def test_the_box_of_the_default_preset_stands_upright_about_a_turned_target(name):
+    drawn = _Drawn()
+    tracker = create_tracker(name, seed=0)
+    tracker.start(drawn.frame((100.0, 110.0)), drawn.box((100.0, 110.0)))
+    for index in range(1, 61):
+        tracker.update(drawn.frame((100.0, 110.0), np.pi / 2 * index / 60, seed=index))
+    for index in range(1, 25):
+        center = (100.0 + 4 * index, 110.0)
+        estimate = tracker.update(drawn.frame(center, np.pi / 2, seed=index))
+    width, height = drawn.size
+    assert estimate.box.iou(Box.from_center(*center, height, width)) > 0.8
+    # a size in another frame than the box would be an error of the size
+    assert np.sqrt(np.diag(estimate.covariance)[2:]).max() < 0.25 * height
+    # and a hidden target is looked for where it was going
+    assert_allclose(tracker._target.target._velocity, (4, 0), atol=0.5)
+
+
 def test_keypoints_hold_a_faster_rotation_than_the_process_alone():
     drawn = _Drawn()
     errors = {}

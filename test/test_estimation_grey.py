@@ -8,7 +8,10 @@ from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
 
+from vtrack_ros.estimation.belief import Belief
 from vtrack_ros.estimation.grey import equivariant_forecast, gm11_forecast
+from vtrack_ros.estimation.proposals import GreyProposal
+from vtrack_ros.estimation.weights import Weights
 
 LENGTHS = (4, 5, 6, 8)
 
@@ -154,3 +157,16 @@ def test_wrong_series_are_refused(forecast, series):
 def test_a_wrong_margin_is_refused():
     with pytest.raises(ValueError, match='margin'):
         equivariant_forecast(np.ones((5, 1)), margin=0.0)
+
+
+@pytest.mark.parametrize('times', [(0, 1, 2, 3, 6), (0, 1, 4, 5, 6), (0, 3, 4, 5, 6)])
+def test_dropped_frames_do_not_bend_a_line(times):
+    """Estimates on a line with a gap: the forecast is on the line, at any step."""
+    estimates = tuple(np.array([200 + 20.0 * time, 20.0]) for time in times)
+    belief = Belief(np.zeros((2, 2)), Weights.uniform(2), float(times[-1]), None, estimates,
+                    tuple(map(float, times)))
+    proposal = GreyProposal(5, velocities={1: 0})
+    for step in (1.0, 2.0):
+        position, velocity = proposal.forecast(belief, step)
+        assert position == pytest.approx(200 + 20 * (times[-1] + step), abs=0.15 * 20 * step)
+        assert velocity == pytest.approx(20, rel=0.15)

@@ -73,6 +73,37 @@ def test_a_target_that_stays_away_is_lost(name):
 
 
 @pytest.mark.parametrize('name', NAMES)
+def test_lost_is_a_matter_of_time_not_of_images(name):
+    """With every fifth frame alone it takes a fifth of the updates."""
+    video = DrawnVideo(blob=60)
+    tracker = create_tracker(name, seed=1)
+    center = (160.0, 110.0)
+    tracker.start(video.frame(center), box_at(center))
+    for _ in range(4):
+        tracker.update(video.frame(center), 5.0)
+    states = [tracker.update(video.frame(None), 5.0).state for _ in range(14)]
+    assert TrackState.LOST not in states[:6]
+    assert states[-1] is TrackState.LOST
+
+
+@pytest.mark.parametrize('dt', [1, 3])
+def test_a_hidden_target_is_looked_for_on_its_straight_way_on(dt):
+    """To a few pixels, however many frames arrive."""
+    video = DrawnVideo()
+    target = DiscriminativeTarget(np.random.default_rng(0))
+    center = (60.0, 110.0)
+    target.start(video.frame(center), center, TARGET)
+    for step in range(1, 13):
+        center = (60.0 + 4 * dt * step, 110.0)
+        frame = video.frame(center if step < 9 else None)
+        sighting = target.look(frame, target.live.center)
+        target.settle(frame, sighting, sighting.center, float(dt))
+    assert target.doubtful
+    place = target._extrapolated(target._snapshot.center, target._doubtful_frames)
+    assert np.hypot(*np.subtract(place, center)) < 6
+
+
+@pytest.mark.parametrize('name', NAMES)
 def test_a_target_that_comes_back_elsewhere_is_found(name):
     """Away for thirty frames, back two hundred pixels from where it was."""
     video = DrawnVideo(seed=4, blob=60)
@@ -86,6 +117,8 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
         if estimate.box.iou(box_at(there)) > 0.5:
             break
     assert estimate.box.iou(box_at(there)) > 0.5
+    if estimate.measured:  # the way to it is no uncertainty of the place
+        assert np.sqrt(estimate.covariance[0, 0]) < 0.5 * TARGET[0]
     for _ in range(5):
         estimate = tracker.update(video.frame(there))
     assert estimate.state is TrackState.TRACKING

@@ -184,16 +184,20 @@ class GreyProposal(Proposal):
         """
         Return g_k, shape (n,), or None while there are too few estimates.
 
-        GM(1,1) takes the estimates for evenly spaced; a step that is longer or shorter than
-        their mean spacing (a frame was dropped) is forecast as that many steps.
+        GM(1,1) takes a series for evenly spaced: where frames were dropped, estimates are
+        interpolated to even times, and a step of another length is that many steps.
         """
         if len(belief.estimates) < self.window:
             return None
         rows = [estimate.tolist() for estimate in belief.estimates[-self.window:]]
         times = belief.estimate_times[-self.window:]
+        latest = rows[-1]
         spacing = (times[-1] - times[0]) / (self.window - 1)
         steps = dt / spacing if spacing > 0 else 1.0
-        latest = rows[-1]
+        gaps = [later - earlier for earlier, later in zip(times, times[1:])]
+        if max(gaps) - min(gaps) > 1e-6 * spacing:
+            even = np.linspace(times[0], times[-1], self.window)
+            rows = np.stack([np.interp(even, times, series) for series in zip(*rows)], 1).tolist()
         known = (*self.velocities, *self.steady)
         forecast = [
             latest[i] if i in known else series_forecast(series, steps, self.margin)

@@ -204,6 +204,18 @@ def bounds(transformation: Array, size: tuple[float, float]) -> Array:
     return np.concatenate([transformation[..., :2, 2], extent], axis=-1)
 
 
+def ellipse_bounds(transformation: Array, size: tuple[float, float]) -> Array:
+    """
+    Return the axis-aligned bounds of the images of the ellipse in a rectangle about the origin.
+
+    Few targets have corners: the bounds of a round one don't grow when it turns.
+
+    Parameters and result are those of `bounds`.
+    """
+    extent = np.linalg.norm(transformation[..., :2, :2] * np.array(size), axis=-1)
+    return np.concatenate([transformation[..., :2, 2], extent], axis=-1)
+
+
 def from_vector(vector: Array) -> Array:
     """
     Return transformations from the geometric parameters of [Ross2008, sec. 4.1].

@@ -128,9 +128,9 @@ class AffineTracker(Tracker):
         if self._parameters['preset'] == 'default':
             self._target = UprightTarget(self._rng)
             self._target.start(frame, box.center, (box.width, box.height))
-        self._doubtful_frames = 0
+        self._doubtful_frames = 0.0
         count = len(self._particles.states)
-        return self._estimate(np.full(count, 1 / count), 1.0)
+        return self._estimate(np.full(count, 1 / count), 1.0, 0.0)
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         target = self._target
@@ -144,11 +144,12 @@ class AffineTracker(Tracker):
             self._appearance.learn(
                 look, int(self._parameters['update_interval']),
                 float(self._parameters['forgetting']), int(self._parameters['eigenvectors']))
-        estimate = self._estimate(weights, self._appearance.likeness(look))
         count = int(self._parameters['particles'])
         if found:
             self._particles.restart(self._state, count)
-        else:
+            weights = np.full(count, 1 / count)
+        estimate = self._estimate(weights, self._appearance.likeness(look), dt)
+        if not found:
             self._particles.resample(weights, count)
         return estimate
 
@@ -207,26 +208,27 @@ class AffineTracker(Tracker):
         if self._memory is not None:
             self._memory.learn(self._state)
 
-    def _estimate(self, weights: Array, likeness: float) -> Estimate:
-        boxes = affine.bounds(self._particles.states, self._size)
-        bound = affine.bounds(self._state, self._size)
-        shown = bound
-        if self._target is not None:
-            live = self._target.target.live
-            shown = np.array([*live.center, *live.size])
-        # about the box that's reported, which isn't always the particles' mean
-        covariance = spread_about(shown, boxes, weights)
+    def _estimate(self, weights: Array, likeness: float, dt: float) -> Estimate:
         frame = self._state @ np.diag([*self._size, 1.0])
         angle = float(affine.angle(self._state))
         if self._target is not None:
-            return self._target.target.estimate(covariance, angle, boxes, frame)
+            boxes = affine.ellipse_bounds(self._particles.states, self._size)
+            live = self._target.target.live
+            turn = affine.rotation(np.asarray(self._target.angle))
+            shown = np.array([*live.center, *np.hypot(*(turn * np.array(live.size)).T)])
+            # about the box that's reported, which isn't the particles' mean
+            return self._target.target.estimate(
+                spread_about(shown, boxes, weights), angle, boxes, frame, Box.from_center(*shown))
+        boxes = affine.bounds(self._particles.states, self._size)
+        bound = affine.bounds(self._state, self._size)
+        covariance = spread_about(bound, boxes, weights)
         assert self._frame_shape is not None
         box = Box.from_center(*bound)
         visible = box.clipped(self._frame_shape[1], self._frame_shape[0])
         # patches repeat the border beyond it, and may look like anything there
         likeness *= 0.0 if visible is None else visible.area / box.area
         confidence = float(1 / (1 + np.exp(-(likeness - _EVEN_LIKENESS) / _LIKENESS_SPREAD)))
-        self._doubtful_frames = self._doubtful_frames + 1 if likeness < _UNLIKE else 0
+        self._doubtful_frames = self._doubtful_frames + dt if likeness < _UNLIKE else 0.0
         covariance += unknown_covariance(
             _CENTER_ERROR, _SIZE_ERROR, box.area, self._doubtful_frames)
         return Estimate(

@@ -29,8 +29,8 @@ _TRUSTED_SHARE, _TRUSTED = 0.6, 0.14
 _PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
 #: Frames of trusted likeness that end the trouble.
 _TRUSTED_FRAMES = 5
-#: Frames after which a target that looks different, but is seen well, is taken for changed.
-_ACCEPTED_FRAMES, _ACCEPTED = 40, 0.12
+#: Looks after which a target that looks different, but is seen well, is taken for changed.
+_ACCEPTED_LOOKS, _ACCEPTED = 40, 0.12
 #: A jump needs this much more likeness, and that often while the present place is plausible.
 _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
@@ -81,8 +81,9 @@ class DiscriminativeTarget:
         self._velocity = 0.0, 0.0
         self._frames = 0
         self._growing = False
-        self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
-        self.out_of_sight_frames = 0
+        self._doubtful_looks = self._trusted_frames = self._jump_frames = 0
+        self._doubtful_frames = self.out_of_sight_frames = 0.0
+        self._latest_step: tuple[Point, float] | None = None
         self.likeness = 1.0
 
     @property
@@ -168,7 +169,7 @@ class DiscriminativeTarget:
         else:
             found = self._search(frame, sighting.peak, dt)
         seen = self.likeness >= self._even_likeness
-        self.out_of_sight_frames = 0 if seen else self.out_of_sight_frames + 1
+        self.out_of_sight_frames = 0.0 if seen else self.out_of_sight_frames + dt
         return found
 
     def _learn(self, frame: Frame, sighting: Sighting, center: Point) -> Hypothesis:
@@ -196,16 +197,22 @@ class DiscriminativeTarget:
         if self._frames == 1:
             self.live = before = replace(
                 self.live, evidence_mean=peak, likeness_mean=self.likeness)
+        if self._latest_step is not None:
+            # one step late: a tracker that turns the frame has put the centre right meanwhile
+            start, duration = self._latest_step
+            x, y = (0.7 * velocity + 0.3 * (now - then) / duration for velocity, now, then in zip(
+                self._velocity, before.center, start))
+            self._velocity = x, y
         evidence, likeness = before.evidence_mean, before.likeness_mean
         if peak < _EVIDENCE_TROUBLE * evidence or (
                 self.likeness < min(_LIKENESS_TROUBLE * likeness, _ALWAYS_GOOD)):
             self._snapshot = before
-            self._doubtful_frames = self._trusted_frames = self._jump_frames = 0
+            self._doubtful_looks = self._trusted_frames = self._jump_frames = 0
+            self._doubtful_frames = dt
+            self._latest_step = None
             return
         live = self.live
-        x, y = (0.7 * velocity + 0.3 * (now - then) / dt for velocity, now, then in zip(
-            self._velocity, live.center, before.center))
-        self._velocity = x, y
+        self._latest_step = before.center, dt
         self.live = Hypothesis(
             live.model, live.center, live.size, evidence + _MEAN_RATE * (peak - evidence),
             likeness + _MEAN_RATE * (self.likeness - likeness))
@@ -216,12 +223,13 @@ class DiscriminativeTarget:
         assert snapshot is not None
         usual = self.live.evidence_mean
         self.live = replace(self.live, evidence_mean=usual + _MEAN_RATE * (peak - usual))
-        self._doubtful_frames += 1
+        self._doubtful_looks += 1
+        self._doubtful_frames += dt
         level = snapshot.likeness_mean
         trusted = min(_TRUSTED_SHARE * level, _TRUSTED)
         plausible = self.likeness >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
         self._trusted_frames = self._trusted_frames + 1 if self.likeness > trusted else 0
-        changed = (self._doubtful_frames > _ACCEPTED_FRAMES and self.likeness > _ACCEPTED
+        changed = (self._doubtful_looks > _ACCEPTED_LOOKS and self.likeness > _ACCEPTED
                    and peak > 0.8 * usual)
         if self._trusted_frames >= _TRUSTED_FRAMES or changed:
             self._snapshot = None
@@ -259,14 +267,14 @@ class DiscriminativeTarget:
 
     def _places(self, frame: Frame, snapshot: Hypothesis) -> list[Point]:
         """Return the places to search in this frame."""
-        age = self._doubtful_frames
+        looks, age = self._doubtful_looks, self._doubtful_frames
         places = []
-        for turn in range(age * self._searches, (age + 1) * self._searches):
+        for turn in range(looks * self._searches, (looks + 1) * self._searches):
             if turn % 4 == 0:
                 place = snapshot.center
             elif turn % 2 == 0:
                 place = self._extrapolated(snapshot.center, min(age, _EXTRAPOLATED_FRAMES))
-            elif age > 8 and self._rng.random() < 0.5:
+            elif looks > 8 and self._rng.random() < 0.5:
                 place = self._coloured_place(frame, snapshot)
             else:
                 spread = np.sqrt(snapshot.size[0] * snapshot.size[1]) * (0.5 + 0.15 * age)
@@ -276,7 +284,7 @@ class DiscriminativeTarget:
             places.append(_inside(place, frame))
         return places
 
-    def _extrapolated(self, center: Point, frames: int) -> Point:
+    def _extrapolated(self, center: Point, frames: float) -> Point:
         return center[0] + frames * self._velocity[0], center[1] + frames * self._velocity[1]
 
     def _coloured_place(self, frame: Frame, snapshot: Hypothesis) -> Point:

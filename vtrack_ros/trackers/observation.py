@@ -55,7 +55,7 @@ class Conclusion:
         (centre x, centre y, width, height).
     confidence : float
         In [0, 1].
-    unseen_frames : int
+    unseen_frames : float
         For so many frames the target wasn't seen; 0 if it was in this one.
     jumped : bool
         Whether it was found elsewhere, so that the particles have to follow.
@@ -64,7 +64,7 @@ class Conclusion:
 
     box: Array
     confidence: float
-    unseen_frames: int = 0
+    unseen_frames: float = 0.0
     jumped: bool = False
 
 
@@ -153,7 +153,7 @@ class CueObservation(Observation):
         self._floor = float(np.median(
             self._colour.coefficients(frame, around, self._reference)))
         self._floor = min(self._floor, 0.9)
-        self._unseen_frames = 0
+        self._unseen_frames = 0.0
         self._look_at_edges(frame, box)
 
     def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
@@ -202,7 +202,7 @@ class CueObservation(Observation):
         confidence = float(1 / (1 + np.exp(-(likeness - 0.45) / 0.1)))
         if self._edges is not None:
             self._edges.learn(box)
-        self._unseen_frames = self._unseen_frames + 1 if confidence < _SEARCHING_BELOW else 0
+        self._unseen_frames = self._unseen_frames + dt if confidence < _SEARCHING_BELOW else 0.0
         return Conclusion(box, confidence, self._unseen_frames)
 
     def _bounded(self, boxes: Boxes) -> Boxes:

@@ -38,7 +38,7 @@ PARTICLE_PARAMETERS = ParameterTable([
               "share of the target's mean side.", 0.001, 2.0),
     Parameter('size_noise', 0.01, 'Standard deviation of the change of size a frame, as a share '
               'of the mean side (paper preset).', 0.001, 0.5),
-    Parameter('cues', 'colour', 'Cues of the paper preset.',
+    Parameter('cues', 'colour', 'Cues of the paper preset; in force at the next start.',
               choices=('colour', 'colour+motion_edge')),
     Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram (paper "
               'preset); in force at the next start.', choices=('flat', 'epanechnikov')),
@@ -249,7 +249,8 @@ class QuadratureParticleFilter(ParticleTracker):
     NAME = 'qkpf'
     SUMMARY = 'quadrature Kalman particle filter (QKPF)'
     PARAMETERS = PARTICLE_PARAMETERS + ParameterTable([
-        Parameter('cues', 'colour+motion_edge', 'Cues of the paper preset.',
+        Parameter('cues', 'colour+motion_edge', 'Cues of the paper preset; in force at the '
+                  'next start.',
                   choices=('colour', 'colour+motion_edge')),
         Parameter('kernel', 'epanechnikov', "Weights of a box's pixels in the colour histogram "
                   '(paper preset); in force at the next start.',
