@@ -23,8 +23,8 @@ class CorrelationFilter:
 
     Parameters
     ----------
-    numerator : ndarray of complex64, shape (channels, rows, columns // 2 + 1)
-        Its running average.
+    numerator : ndarray of complex64, shape ([filters,] channels, rows, columns // 2 + 1)
+        Its running average; of several filters, to be asked at once, where there's one axis more.
     denominator : ndarray of float32, shape (rows, columns // 2 + 1)
         Its running average.
     label : ndarray of complex64, shape (rows, columns // 2 + 1)
@@ -93,7 +93,7 @@ class CorrelationFilter:
     def response(self, spectrum: Spectrum, rows: slice = _WHOLE, columns: slice = _WHOLE,
                  ) -> NDArray[np.float32]:
         """
-        Return the response, shape (rows, columns): about 1 at the target, 0 elsewhere.
+        Return the response, shape ([filters,] rows, columns): 1 at the target, 0 elsewhere.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class CorrelationFilter:
 
         """
         # a sum over products: einsum is three times as slow with complex numbers
-        correlated = np.add.reduce(self._conjugate * spectrum)
+        correlated = np.add.reduce(self._conjugate * spectrum, axis=-3)
         correlated /= self._divisor
         over_rows, over_columns = _inverse_transform(*self.taper.shape)
         half: Spectrum = over_rows[rows] @ correlated

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from vtrack_ros.appearance.correlation import CorrelationFilter, Spectrum
 from vtrack_ros.appearance.target import Point, TargetModel, View
@@ -29,26 +31,25 @@ class FirstLook:
     ----------
     model : TargetModel
         As it was learned from the first frame.
-    part : CorrelationFilter
-        The model's, confined to the target.
-    gain : float
-        What the part's response is multiplied with.
+    filters : CorrelationFilter
+        Two in one: the model's, and the part of it that is confined to the target.
     colour : float
         The target's mean foreground probability in the first frame.
 
     """
 
     model: TargetModel
-    part: CorrelationFilter
-    gain: float
+    filters: CorrelationFilter
     colour: float
 
     @classmethod
     def of(cls, model: TargetModel, view: View) -> FirstLook:
         """Remember a model, and the view that it was learned from, the target in its middle."""
-        part = model.correlation.confined(*model.layout.target)
-        peak = float(part.response(model.transform(view)).max())
-        return cls(model, part, _PART_WEIGHT / max(peak, 1e-6), model.mean_probability(view))
+        whole = model.correlation
+        part = whole.confined(*model.layout.target)
+        gain = _PART_WEIGHT / max(float(part.response(model.transform(view)).max()), 1e-6)
+        both = np.stack([whole.numerator, np.complex64(gain) * part.numerator])
+        return cls(model, replace(whole, numerator=both), model.mean_probability(view))
 
     def likeness(self, view: View, spectrum: Spectrum, shift: Point = (0.0, 0.0)) -> float:
         """
@@ -70,10 +71,9 @@ class FirstLook:
         layout = self.model.layout
         row = min(max(round(shift[1]) + layout.rows // 2, 0), layout.rows - 1)
         column = min(max(round(shift[0]) + layout.columns // 2, 0), layout.columns - 1)
-        near = slice(max(0, row - 2), row + 3), slice(max(0, column - 2), column + 3)
-        whole = float(self.model.correlation.response(spectrum, *near).max())
-        part = self.gain * float(self.part.response(spectrum, *near).max())
+        near = self.filters.response(
+            spectrum, slice(max(0, row - 2), row + 3), slice(max(0, column - 2), column + 3))
         colour = self.model.mean_probability(view, shift) / max(self.colour, 1e-6)
-        likeness: float = min(whole, part)
+        likeness: float = min(near.reshape(2, -1).max(axis=1).tolist())
         likeness *= min(max(colour, _LEAST_COLOUR), 1.0)**_COLOUR_POWER
         return likeness

@@ -230,7 +230,7 @@ class TargetModel:
         """Return the mean foreground probability of a target `shift` cells from the centre."""
         top, bottom, left, right = self._rectangle(shift)
         colours = view.colours[max(0, top):max(0, bottom), max(0, left):max(0, right)]
-        return float(self.foreground.probability(colours).mean()) if colours.size else 0.0
+        return float(self.foreground.probability(colours).sum()) / max(1, colours.size)
 
     def _in_samples(self, shift: Point) -> Point:
         """Return a place in a view's own pixels, from its place from the view's centre."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 
 import cv2
 import numpy as np
@@ -91,7 +92,17 @@ class Sighting:
 
     def height(self, place: Point) -> float:
         """Return the evidence at one place, in pixels; 0 beyond the window."""
-        return float(self.at(np.array([place]))[0])
+        # one point is told sooner by hand
+        (x, y), (middle_x, middle_y) = self.shift(place), self._middle
+        left, top = math.floor(x), math.floor(y)
+        x, y = x - left, y - top
+        row, column = top + middle_y, left + middle_x
+        rows, columns = self.evidence.shape
+        return sum(
+            (y if down else 1 - y) * (x if right else 1 - x)
+            * self.evidence.item(row + down, column + right)
+            for down in (0, 1) for right in (0, 1)
+            if 0 <= row + down < rows and 0 <= column + right < columns)
 
     def unless_dominated(self, place: Point) -> Point:
         """Return a place, in pixels, or the highest evidence's where that's clearly higher."""
