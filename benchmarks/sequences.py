@@ -28,8 +28,8 @@ REFERENCE = {'opencv_csrt': (0.58, 0.02), 'opencv_kcf': (0.25, 0.03)}
 PER_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'coverage90',
                 'cpu_ms_median')
 COLUMNS = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
-           'losses_reported', 'report_frames', 'false_alarms', 'coverage50', 'coverage90',
-           'cpu_ms_median')
+           'losses_reported', 'report_frames', 'false_alarms', 'wrong_tracking', 'coverage50',
+           'coverage90', 'cpu_ms_median')
 
 
 def main(argv: list[str] | None = None) -> int:
