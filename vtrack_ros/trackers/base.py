@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import enum
 import math
 from typing import Any, ClassVar
@@ -57,7 +57,7 @@ class Estimate:
     covariance: NDArray[np.float64]
     confidence: float
     state: TrackState
-    particles: NDArray[np.float64] | None = None
+    particles: NDArray[np.float64] | None = field(default=None, repr=False)
     affine: NDArray[np.float64] | None = None
 
     @property
