@@ -46,7 +46,7 @@ PARTICLE_PARAMETERS = ParameterTable([
               choices=tuple(FUSION_RULES)),
     Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)) (paper '
               'preset).', 0.01, 1.0),
-    Parameter('temperature', 0.1, 'Share of the usual evidence that makes a factor of e in the '
+    Parameter('temperature', 0.07, 'Share of the usual evidence that makes a factor of e in the '
               'likelihood (default preset).', 0.01, 1.0),
     Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
               'proposal.', choices=('simplified', 'full')),
