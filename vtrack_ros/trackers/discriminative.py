@@ -24,7 +24,7 @@ _LIKENESS_TROUBLE, _ALWAYS_GOOD = 0.6, 0.15
 #: The running means are slow, or they would get used to an occluder.
 _MEAN_RATE = 0.03
 #: Likeness that ends the trouble, or justifies a jump: the lower of a share and a level.
-_TRUSTED_SHARE, _TRUSTED = 0.6, 0.14
+_TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
 #: Likeness that leaves the present place plausible, likewise.
 _PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
 #: Frames of trusted likeness that end the trouble.
