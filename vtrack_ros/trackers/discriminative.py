@@ -48,6 +48,8 @@ _EXTRAPOLATED_FRAMES = 60
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
 ERRORS = 0.07, 0.10
 _SMALLEST, _LARGEST = 0.2, 5.0
+#: By which factor a doubtful target's size may change.
+_DRIFT = 1.5
 
 
 class DiscriminativeTarget:
@@ -184,13 +186,22 @@ class DiscriminativeTarget:
         if self._frames % _SCALE_EVERY == 0 or self._growing:
             growth = model.growth(view, shift)
             self._growing = abs(math.log(growth)) > _GROWING
-            size = _bounded((view.size[0] * growth, view.size[1] * growth), self._first_size)
+            size = self._bounded((view.size[0] * growth, view.size[1] * growth))
             model = model.learned_scale(view, shift, growth)
         if self._frames % _COLOURS_EVERY == 1:
             model = model.learned_colours(view, shift)
         model = model.learned(spectrum, shift)
         self.likeness = self._first.likeness(view, spectrum, shift)
         return Hypothesis(model, center, size, live.evidence_mean, live.likeness_mean)
+
+    def _bounded(self, size: Point) -> Point:
+        """Bound a size, of the first one's aspect: who is out of sight may not drift far."""
+        width, height = self._first_size
+        factor = min(max(size[0] / width, _SMALLEST), _LARGEST)
+        if self._snapshot is not None:
+            known = self._snapshot.size[0] / width
+            factor = min(max(factor, known / _DRIFT), known * _DRIFT)
+        return factor * width, factor * height
 
     def _judge(self, before: Hypothesis, peak: float, dt: float) -> None:
         """Follow the usual evidence and likeness, or keep a snapshot when they break down."""
@@ -304,9 +315,3 @@ def _inside(center: Point, frame: Frame) -> Point:
     height, width = frame.shape[:2]
     return (float(min(max(center[0], 0.0), width - 1.0)),
             float(min(max(center[1], 0.0), height - 1.0)))
-
-
-def _bounded(size: Point, first: Point) -> Point:
-    """Bound a size to a range about the first size; the aspect is the first one's."""
-    factor = min(max(size[0] / first[0], _SMALLEST), _LARGEST)
-    return factor * first[0], factor * first[1]
