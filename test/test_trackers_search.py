@@ -52,13 +52,18 @@ def test_a_target_hidden_for_twenty_frames_is_found_again(name, colour):
     assert overlaps[-1] > 0.5 and states[-1] is TrackState.TRACKING
 
 
+def standing(name):
+    """Return a video, its target's place, and a tracker that was started on it."""
+    video, center = DrawnVideo(blob=60), (160.0, 110.0)
+    tracker = create_tracker(name, seed=1)
+    tracker.start(video.frame(center), box_at(center))
+    return video, center, tracker
+
+
 @pytest.mark.parametrize('name', NAMES)
 def test_a_target_that_stays_away_is_lost(name):
     """SEARCHING at first, LOST after long; confidence falls, and uncertainty grows."""
-    video = DrawnVideo(blob=60)
-    tracker = create_tracker(name, seed=1)
-    center = (160.0, 110.0)
-    tracker.start(video.frame(center), box_at(center))
+    video, center, tracker = standing(name)
     before = [tracker.update(video.frame(center)) for _ in range(8)]
     after = [tracker.update(video.frame(None)) for _ in range(90)]
     states = [estimate.state for estimate in after]
@@ -75,10 +80,7 @@ def test_a_target_that_stays_away_is_lost(name):
 @pytest.mark.parametrize('name', NAMES)
 def test_lost_is_a_matter_of_time_not_of_images(name):
     """With every fifth frame alone it takes a fifth of the updates."""
-    video = DrawnVideo(blob=60)
-    tracker = create_tracker(name, seed=1)
-    center = (160.0, 110.0)
-    tracker.start(video.frame(center), box_at(center))
+    video, center, tracker = standing(name)
     for _ in range(4):
         tracker.update(video.frame(center), 5.0)
     states = [tracker.update(video.frame(None), 5.0).state for _ in range(14)]

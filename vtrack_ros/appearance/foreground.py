@@ -62,9 +62,9 @@ class ForegroundModel:
         top, bottom, left, right = inner
         margin_y = int(_MARGIN * (bottom - top))
         margin_x = int(_MARGIN * (right - left))
-        target = colours[max(0, top):bottom, max(0, left):right]
-        near = colours[max(0, top - margin_y):bottom + margin_y,
-                       max(0, left - margin_x):right + margin_x]
+        target = _within(colours, inner)
+        near = _within(colours, (top - margin_y, bottom + margin_y,
+                                 left - margin_x, right + margin_x))
         surroundings = np.bincount(colours.ravel(), None, size)
         surroundings -= np.bincount(near.ravel(), None, size)
         return ForegroundModel(
@@ -74,6 +74,11 @@ class ForegroundModel:
     def probability(self, colours: Colours) -> NDArray[np.float32]:
         """Return each colour's probability of being the target's, of the same shape."""
         return self._probabilities.take(colours)
+
+    def mean_probability(self, colours: Colours, inner: Rectangle) -> float:
+        """Return the mean of `probability` over a rectangle, as `learned` takes it; 0 outside."""
+        part = _within(colours, inner)
+        return float(self.probability(part).sum()) / max(1, part.size)
 
     @cached_property
     def _probabilities(self) -> NDArray[np.float32]:
@@ -102,6 +107,12 @@ def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray
     """Return the mean over a box of that size (width, height) about every pixel."""
     mean: NDArray[np.float32] = cv2.blur(probability, size, borderType=cv2.BORDER_CONSTANT)
     return mean
+
+
+def _within(colours: Colours, rectangle: Rectangle) -> Colours:
+    """Return the part of `colours` that is inside (top, bottom, left, right)."""
+    top, bottom, left, right = (max(0, edge) for edge in rectangle)
+    return colours[top:bottom, left:right]
 
 
 def _averaged(

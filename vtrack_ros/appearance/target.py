@@ -228,9 +228,7 @@ class TargetModel:
 
     def mean_probability(self, view: View, shift: Point = (0.0, 0.0)) -> float:
         """Return the mean foreground probability of a target `shift` cells from the centre."""
-        top, bottom, left, right = self._rectangle(shift)
-        colours = view.colours[max(0, top):max(0, bottom), max(0, left):max(0, right)]
-        return float(self.foreground.probability(colours).sum()) / max(1, colours.size)
+        return self.foreground.mean_probability(view.colours, self._rectangle(shift))
 
     def _in_samples(self, shift: Point) -> Point:
         """Return a place in a view's own pixels, from its place from the view's centre."""

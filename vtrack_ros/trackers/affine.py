@@ -214,8 +214,10 @@ class AffineTracker(Tracker):
         if self._target is not None:
             boxes = affine.ellipse_bounds(self._particles.states, self._size)
             live = self._target.target.live
-            turn = affine.rotation(np.asarray(self._target.angle))
-            shown = np.array([*live.center, *np.hypot(*(turn * np.array(live.size)).T)])
+            pose = np.eye(3)
+            pose[:2, :2] = affine.rotation(np.asarray(self._target.angle))
+            pose[:2, 2] = live.center
+            shown = affine.ellipse_bounds(pose, live.size)
             # about the box that's reported, which isn't the particles' mean
             return self._target.target.estimate(
                 spread_about(shown, boxes, weights), angle, boxes, frame, Box.from_center(*shown))
