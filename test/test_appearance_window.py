@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from vtrack_ros.appearance.colour_names import CHANNELS as COLOURS
-from vtrack_ros.appearance.colour_names import colour_names
+from vtrack_ros.appearance.colour_names import colour_names, memberships
 from vtrack_ros.appearance.foreground import box_mean, colour_index, ForegroundModel
 from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
-from vtrack_ros.appearance.rgb555 import all_colours, rgb555
-from vtrack_ros.appearance.rgb555 import COLOURS as COLOURS_IN_15_BITS
+from vtrack_ros.appearance.rgb555 import (
+    all_colours, COLOURS as COLOURS_IN_15_BITS, rgb555)
 from vtrack_ros.appearance.window import sample_window
 
 
@@ -146,10 +146,22 @@ def test_an_edge_moves_its_cell_only():
 
 def test_colour_names_sum_to_nothing():
     """Memberships sum to one, and so do their means: the differences sum to zero."""
-    rng = np.random.default_rng(0)
-    names = colour_names(rng.integers(256, size=(20, 30, 3), dtype=np.uint8))
-    assert names.shape == (COLOURS, 20, 30) and COLOURS == 11
-    np.testing.assert_allclose(names.sum(axis=0), 0, atol=1e-5)
+    assert memberships().shape == (32768, 11)
+    np.testing.assert_allclose(memberships().sum(axis=1), 0, atol=1e-9)
+
+
+def test_folded_colour_names_keep_their_products():
+    """Of usual colours nearly all is kept, of saturated ones most; nothing is added."""
+    numbers = colour_names(all_colours()).reshape(COLOURS, -1).T.astype(float)
+    names = memberships()
+    kept, energy = (numbers**2).sum(axis=1), (names**2).sum(axis=1)
+    assert (kept <= energy + 1e-6).all()
+    assert kept.sum() > 0.85 * energy.sum()
+    levels = all_colours()[0].astype(int)
+    usual = np.ptp(levels, axis=1) < 60
+    pairs = np.random.default_rng(0).choice(np.flatnonzero(usual), (2, 5000))
+    products = [(table[pairs[0]] * table[pairs[1]]).sum(axis=1) for table in (names, numbers)]
+    assert np.corrcoef(*products)[0, 1] > 0.99
 
 
 @pytest.mark.parametrize('index, colour', list(enumerate([
@@ -159,7 +171,7 @@ def test_colour_names_sum_to_nothing():
          'yellow'])
 def test_a_typical_colour_has_its_own_name(index, colour):
     """The eleven terms of Berlin and Kay, in the order that the documentation gives."""
-    names = colour_names(np.array([[colour]], np.uint8))[:, 0, 0]
+    names = memberships()[rgb555(np.array([[colour]], np.uint8))[0, 0]]
     assert names.argmax() == index
 
 

@@ -29,8 +29,8 @@ class CorrelationFilter:
         Its running average.
     label : ndarray of complex64, shape (rows, columns // 2 + 1)
         Conjugate spectrum of the wanted response, whose peak is in the middle of the window.
-    taper : ndarray of float32, shape (rows, columns)
-        What the features are multiplied with so that the window's edges fade.
+    shape : tuple of int, [cells]
+        (rows, columns) of the window.
     regularisation : float
 
     """
@@ -38,7 +38,7 @@ class CorrelationFilter:
     numerator: Spectrum
     denominator: NDArray[np.float32]
     label: Spectrum
-    taper: NDArray[np.float32]
+    shape: tuple[int, int]
     regularisation: float
 
     @classmethod
@@ -48,20 +48,21 @@ class CorrelationFilter:
         y = np.arange(rows)[:, None] - rows // 2
         x = np.arange(columns)[None, :] - columns // 2
         label = np.exp(-(x**2 + y**2) / (2 * width**2)).astype(np.float32)
-        taper = np.hanning(rows + 2)[1:-1, None] * np.hanning(columns + 2)[None, 1:-1]
         spectrum = np.fft.rfft2(label).conj().astype(np.complex64)
         return cls(np.zeros((1, *spectrum.shape), np.complex64),
                    np.zeros(spectrum.shape, np.float32), spectrum,
-                   taper.astype(np.float32), regularisation)
+                   (rows, columns), regularisation)
 
-    def transform(self, features: NDArray[np.float32]) -> Spectrum:
-        """Return the spectrum of tapered features of shape (channels, rows, columns)."""
-        over_columns, over_rows = _transform(*self.taper.shape)
-        tapered = features * self.taper
-        channels, rows, columns = tapered.shape
-        half = (tapered.reshape(-1, columns) @ over_columns).view(np.complex64)
-        spectrum: Spectrum = over_rows @ half.reshape(channels, rows, -1)
-        return spectrum
+    @staticmethod
+    def transform(features: NDArray[np.float32]) -> Spectrum:
+        """Return the spectrum of features of shape (channels, rows, columns), edges faded."""
+        channels, rows, columns = features.shape
+        over_columns, over_rows = _transform(rows, columns)
+        half = (features.reshape(-1, columns) @ over_columns).view(np.complex64)
+        # one product of large matrices is twice as quick as one for each channel
+        side_by_side = half.reshape(channels, rows, -1).swapaxes(0, 1).reshape(rows, -1)
+        spectrum: Spectrum = (over_rows @ side_by_side).reshape(rows, channels, -1)
+        return np.ascontiguousarray(spectrum.swapaxes(0, 1))
 
     def learned(self, spectrum: Spectrum, rate: float,
                 shift: tuple[float, float] = (0.0, 0.0)) -> CorrelationFilter:
@@ -78,7 +79,7 @@ class CorrelationFilter:
             Where (x, y) from the middle of the window the target is in the example.
 
         """
-        over_rows, over_columns = _frequencies(*self.taper.shape)
+        over_rows, over_columns = _frequencies(*self.shape)
         wanted = self.label * np.exp(shift[1] * over_rows)
         wanted *= rate * np.exp(shift[0] * over_columns)
         numerator = wanted * spectrum
@@ -88,7 +89,7 @@ class CorrelationFilter:
             numerator += (1 - rate) * self.numerator
             denominator += (1 - rate) * self.denominator
         return CorrelationFilter(
-            numerator, denominator, self.label, self.taper, self.regularisation)
+            numerator, denominator, self.label, self.shape, self.regularisation)
 
     def response(self, spectrum: Spectrum, rows: slice = _WHOLE, columns: slice = _WHOLE,
                  ) -> NDArray[np.float32]:
@@ -106,7 +107,7 @@ class CorrelationFilter:
         # a sum over products: einsum is three times as slow with complex numbers
         correlated = np.add.reduce(self._conjugate * spectrum, axis=-3)
         correlated /= self._divisor
-        over_rows, over_columns = _inverse_transform(*self.taper.shape)
+        over_rows, over_columns = _inverse_transform(*self.shape)
         half: Spectrum = over_rows[rows] @ correlated
         response: NDArray[np.float32] = half.view(np.float32) @ over_columns[:, columns]
         return response
@@ -121,7 +122,7 @@ class CorrelationFilter:
             The target's; what is further from its middle has no influence on the response there.
 
         """
-        rows, columns = self.taper.shape
+        rows, columns = self.shape
         kernel = np.fft.irfft2(self._conjugate / self._divisor, (rows, columns))
         down, across = (np.abs(np.fft.fftfreq(cells) * cells) for cells in (rows, columns))
         kernel *= np.clip(height / 2 + 0.5 - down, 0, 1)[:, None]
@@ -152,7 +153,7 @@ def _frequencies(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
 @lru_cache(maxsize=32)
 def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
     """
-    Return the Fourier transform of real maps as two matrices.
+    Return the tapered Fourier transform of real maps as two matrices.
 
     Returns
     -------
@@ -162,8 +163,13 @@ def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
         To be multiplied with the result from the left.
 
     """
-    over_columns = np.fft.rfft(np.eye(columns)).astype(np.complex64).view(np.float32)
-    return over_columns, np.fft.fft(np.eye(rows)).astype(np.complex64)
+    over_columns = np.fft.rfft(np.diag(taper(columns))).astype(np.complex64).view(np.float32)
+    return over_columns, np.fft.fft(np.diag(taper(rows))).T.astype(np.complex64)
+
+
+def taper(length: int) -> NDArray[np.float64]:
+    """Return by how much each cell along a side counts, so that a window's edges fade."""
+    return np.hanning(length + 2)[1:-1]
 
 
 @lru_cache(maxsize=32)
@@ -204,26 +210,6 @@ def power(spectrum: Spectrum) -> NDArray[np.float32]:
     squares = np.einsum('c...,c...->...', parts, parts)
     total: NDArray[np.float32] = squares[..., ::2] + squares[..., 1::2]
     return total
-
-
-def subcell_peak(response: NDArray[np.float32]) -> tuple[float, float, float]:
-    """
-    Return the highest value of a map and its place (value, x, y), refined by a parabola.
-
-    Parameters
-    ----------
-    response : ndarray, shape (rows, columns)
-        The map.
-
-    Returns
-    -------
-    tuple of float
-        The value at the highest cell, and x and y in cells from the first cell.
-
-    """
-    row, column = divmod(int(response.argmax()), response.shape[1])
-    x, y = subcell_offset(response, row, column)
-    return float(response[row, column]), column + x, row + y
 
 
 def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:

@@ -48,17 +48,18 @@ def oriented_gradients(
 
     """
     rows, columns = grey.shape[0] // cell, grey.shape[1] // cell
-    along_x = cv2.Sobel(grey, cv2.CV_32F, 1, 0, ksize=1)
-    along_y = cv2.Sobel(grey, cv2.CV_32F, 0, 1, ksize=1)
+    level = grey.astype(np.float32)
+    along = np.zeros((2, *grey.shape), np.float32)
+    np.subtract(level[:, 2:], level[:, :-2], out=along[0, :, 1:-1])
+    np.subtract(level[2:], level[:-2], out=along[1, 1:-1])
     # rounded to the nearest bin; angles that round up to a full turn are in a bin of their own
-    bins = cv2.convertScaleAbs(cv2.phase(along_x, along_y), alpha=_SIGNED / (2 * np.pi))
+    bins = cv2.convertScaleAbs(cv2.phase(along[0], along[1]), alpha=_SIGNED / (2 * np.pi))
     index = np.multiply(bins, rows * columns, dtype=np.intp)
     index += _cells(rows, columns, cell)
     # OpenCV 4.6 rounds its own magnitude by where the arrays lie in memory: no two runs agree
-    along_x *= along_x
-    along_y *= along_y
-    along_x += along_y
-    magnitude = np.sqrt(along_x, out=along_x)
+    along *= along
+    magnitude = np.add(along[0], along[1], out=along[0])
+    np.sqrt(magnitude, out=magnitude)
     counted = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * (_SIGNED + 1))
     histogram = counted.reshape(_SIGNED + 1, rows, columns)
     signed = histogram[:_SIGNED].astype(np.float32)

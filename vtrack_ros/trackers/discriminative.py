@@ -39,6 +39,9 @@ _WORTH_VERIFYING = 0.5
 #: The scale changes slowly: it's looked at and learned in every fourth frame, and in the frame
 #: after one in which it changed by this logarithm; colours in every second one.
 _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
+#: A target that's beyond question is verified in every second frame too; it's questionable where
+#: the evidence is below this share of its mean, or where it wasn't always good enough before.
+_VERIFIED_EVERY, _EVIDENCE_QUESTIONABLE = 2, 0.85
 #: Likeness at which on and off the target are even, and the width of the transition.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.085, 0.02
 #: A target that's plain to see is told from textures that look a little like everything.
@@ -191,8 +194,14 @@ class DiscriminativeTarget:
         if self._frames % _COLOURS_EVERY == 1:
             model = model.learned_colours(view, shift)
         model = model.learned(spectrum, shift)
-        self.likeness = self._first.likeness(view, spectrum, shift)
+        if self._frames % _VERIFIED_EVERY == 0 or self._questionable(sighting.peak):
+            self.likeness = self._first.likeness(view, spectrum, shift)
         return Hypothesis(model, center, size, live.evidence_mean, live.likeness_mean)
+
+    def _questionable(self, peak: float) -> bool:
+        """Tell whether a place has to be verified that was found with such a peak."""
+        return (self._snapshot is not None or self.likeness < _ALWAYS_GOOD
+                or peak < _EVIDENCE_QUESTIONABLE * self.live.evidence_mean)
 
     def _bounded(self, size: Point) -> Point:
         """Bound a size, of the first one's aspect: who is out of sight may not drift far."""

@@ -49,4 +49,6 @@ def unknown_covariance(
     if frames:
         center += _CENTER_ERROR**2 * (1 + frames / _WANDERING_FRAMES)
         size += _SIZE_ERROR**2
-    return area * np.diag([center, center, size, size])
+    covariance = np.zeros((4, 4))
+    covariance.flat[::5] = area * center, area * center, area * size, area * size
+    return covariance

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.correlation import Spectrum, subcell_offset, subcell_peak
+from vtrack_ros.appearance.correlation import Spectrum, subcell_offset
 from vtrack_ros.appearance.target import Point, TargetModel, View
 from vtrack_ros.frame import Frame
 
@@ -53,21 +54,29 @@ class Sighting:
         Of the example.
     evidence : ndarray of float32, shape (rows, columns)
         The view's centre is at [rows // 2, columns // 2].
-    peak : float
-        The highest evidence.
-    center : tuple of float, [px]
-        Where it is.
     cell : tuple of float, [px]
         A cell's size.
+    highest : tuple of int
+        The (column, row) of the highest evidence.
 
     """
 
     view: View
     spectrum: Spectrum
     evidence: NDArray[np.float32]
-    peak: float
-    center: Point
     cell: Point
+    highest: tuple[int, int]
+
+    @property
+    def peak(self) -> float:
+        """Return the highest evidence."""
+        column, row = self.highest
+        return self.evidence.item(row, column)
+
+    @cached_property
+    def center(self) -> Point:
+        """Return where the highest evidence is, in pixels, to a part of a cell."""
+        return self._maximum(self.highest)
 
     def cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points, shape (N, 2) in pixels, in cells of the evidence map."""
@@ -106,20 +115,27 @@ class Sighting:
 
     def unless_dominated(self, place: Point) -> Point:
         """Return a place, in pixels, or the highest evidence's where that's clearly higher."""
-        return place if self.height(place) >= _LEVEL * self.peak else self.center
+        if place == self.center or self.height(place) >= _LEVEL * self.peak:
+            return place
+        return self.center
 
     def climb(self, start: Point) -> Point:
         """Return the local maximum of the evidence that is uphill from a place, in pixels."""
         column, row = (
             min(max(round(cells) + middle, 0), 2 * middle - 1)
             for cells, middle in zip(self.shift(start), self._middle))
-        while True:
+        while abs(column - self.highest[0]) > 2 or abs(row - self.highest[1]) > 2:
             top, left = max(0, row - 2), max(0, column - 2)
             near = self.evidence[top:row + 3, left:column + 3]
             up, across = divmod(int(near.argmax()), near.shape[1])
             if (top + up, left + across) == (row, column):
-                break
+                return self._maximum((column, row))
             row, column = top + up, left + across
+        return self.center
+
+    def _maximum(self, cell: tuple[int, int]) -> Point:
+        """Return the place, in pixels, of a maximum in a cell (column, row)."""
+        column, row = cell
         x, y = subcell_offset(self.evidence, row, column)
         middle_x, middle_y = self._middle
         return (self.view.center[0] + (column + x - middle_x) * self.cell[0],
@@ -138,8 +154,5 @@ def look_for(hypothesis: Hypothesis, frame: Frame, center: Point) -> Sighting:
     view = model.view(frame, center, hypothesis.size)
     spectrum = model.transform(view)
     evidence = model.evidence(view, spectrum)
-    peak, x, y = subcell_peak(evidence)
-    cell = model.layout.cell(view.size)
-    place = (view.center[0] + (x - model.layout.columns // 2) * cell[0],
-             view.center[1] + (y - model.layout.rows // 2) * cell[1])
-    return Sighting(view, spectrum, evidence, peak, place, cell)
+    row, column = divmod(int(evidence.argmax()), evidence.shape[1])
+    return Sighting(view, spectrum, evidence, model.layout.cell(view.size), (column, row))
