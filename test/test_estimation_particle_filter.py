@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.belief import Belief, spread_about
 from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
 from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
 from vtrack_ros.estimation.kalman import KalmanFilter
@@ -178,6 +178,48 @@ def test_the_grey_density_is_the_one_that_it_samples():
     expected = (-0.5 * (drawn - forecast[0]) ** 2 / variance
                 - 0.5 * math.log(2 * math.pi * variance))
     np.testing.assert_allclose(proposed.log_density, expected, rtol=1e-9)
+
+
+def _two_modes():
+    """Return a belief of two modes, moving, whose past estimates are forecast elsewhere."""
+    rng = np.random.default_rng(2)
+    states = rng.normal((0.0, 1.0), (0.5, 0.1), (20000, 2))
+    states[::2, 0] += 30.0
+    weights = Weights.from_log(np.where(np.arange(20000) % 2, 0.0, math.log(3.0)))
+    estimates = tuple(np.array([10.0 * step, 10.0]) for step in range(5))
+    return Belief(states, weights, 4.0, None, estimates, tuple(np.arange(5.0)))
+
+
+@pytest.mark.parametrize('floor', [1.0, 4.0])
+def test_predicted_particles_are_moved_to_the_forecast(floor):
+    """Their mean becomes g_k, their spread P_k that of the prediction; both modes are kept."""
+    belief = _two_modes()
+    model = ConstantVelocity(1, acceleration_density=0.3)
+    proposal = GreyProposal(floor=floor, spread='predicted', velocities={1: 0})
+    drawn = proposal.propose(model, belief, 1.0, np.random.default_rng(3)).states
+    weights = belief.weights.values
+    forecast = proposal.forecast(belief, 1.0)
+    np.testing.assert_allclose(weights @ drawn, forecast, atol=0.05)
+    moved = model.transition(belief.states, 1.0)
+    expected = spread_about(weights @ moved, moved, weights) + floor * model.process_noise(1.0)
+    np.testing.assert_allclose(spread_about(weights @ drawn, drawn, weights), expected,
+                               rtol=0.05, atol=0.05)
+    np.testing.assert_allclose(drawn[::2, 0].mean() - drawn[1::2, 0].mean(), 30.0, atol=0.1)
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3])
+def test_the_density_of_moved_particles_is_that_of_each_one_s_own_successor(share):
+    """Weighted prior over proposal, the moved particles are distributed like the prior's."""
+    belief = _two_modes()
+    model = ConstantVelocity(1, acceleration_density=400.0)
+    proposal = GreyProposal(floor=2.0, spread='predicted', prior_share=share, velocities={1: 0})
+    proposed = proposal.propose(model, belief, 1.0, np.random.default_rng(3))
+    log_ratio = model.log_transition(proposed.states, belief.states, 1.0) - proposed.log_density
+    weights = belief.weights.values * np.exp(log_ratio)
+    assert weights.sum() == pytest.approx(1.0, abs=0.1)
+    np.testing.assert_allclose(
+        weights @ proposed.states / weights.sum(),
+        belief.weights.values @ model.transition(belief.states, 1.0), atol=1.5)
 
 
 def test_the_floor_keeps_a_collapsed_set_alive():

@@ -139,8 +139,9 @@ def _forecast(series: list[float], steps: float) -> float:
     centre = sum(background) / len(later)
     variance = covariance = 0.0
     for value, accumulated in zip(later, background):
-        variance += (accumulated - centre)**2
-        covariance += (accumulated - centre) * value
+        deviation = accumulated - centre
+        variance += deviation * deviation
+        covariance += deviation * value
     # all of the series may lie in its first value, to machine precision: it has no slope then
     a = min(max(-covariance / variance, -2.0), 2.0) if variance else 0.0
     b = (total - first) / len(later) + a * centre

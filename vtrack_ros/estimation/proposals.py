@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from vtrack_ros.estimation.belief import Belief, spread_about
+from vtrack_ros.estimation.belief import Belief
 from vtrack_ros.estimation.gaussian import GaussianNoise
 from vtrack_ros.estimation.grey import series_forecast, SHORTEST_SERIES
 from vtrack_ros.estimation.model import StateSpaceModel
 from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
 
-SPREADS = ('forecast', 'mean', 'predicted')
+SPREADS = ('forecast', 'predicted')
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,11 +107,12 @@ class GreyProposal(Proposal):
     margin : float or None
         That of `equivariant_forecast`; None takes the paper's formula, `gm11_forecast`, whose
         forecast depends on where in the image the target is.
-    spread : {'forecast', 'mean', 'predicted'}
+    spread : {'forecast', 'predicted'}
         What P_k is the spread of: of the previous particles about the forecast (the paper), which
         also holds the square of the forecast motion, so that the particles of a fast target
-        spread along its path; of the previous particles about their mean; or of the particles
-        moved on by the transition about their mean, so that uncertain velocities widen it.
+        spread along its path; or of the particles moved on by the transition, so that uncertain
+        velocities widen it. The latter are themselves moved so that their mean is the forecast,
+        and no Gaussian takes their place: they keep their modes, and each its predecessor.
     prior_share : float
         The fraction of particles that the transition prior draws, in [0, 1); the proposal is then
         the mixture of both densities. The paper has none. The forecast of a component that is
@@ -157,23 +158,24 @@ class GreyProposal(Proposal):
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
             measurement: FloatArray | None = None,
             error: GaussianNoise | None = None) -> Proposed:
-        """Draw successors from N(g_k, P_k), and the prior's share from the transition."""
+        """Draw successors about g_k, and the prior's share from the transition."""
         forecast = self.forecast(belief, dt)
         predicted = model.transition(belief.states, dt, belief.time)
-        density = None if forecast is None else self._density(
-            model, belief, forecast, predicted, dt)
-        if forecast is None or density is None:
+        scatter = None if forecast is None else self._scatter(model, belief, forecast, dt)
+        if forecast is None or scatter is None:
             predicted += model.sample_noise(len(belief), dt, rng)
             return Proposed(predicted)
-        white = rng.standard_normal(predicted.shape)
-        states = white @ density.factor.T
-        states += forecast
+        centre = forecast
+        if self.spread == 'predicted':
+            centre = predicted + (forecast - belief.weights.values @ predicted)
+        states = scatter.sample(len(predicted), rng)
+        states += centre
         if self.prior_share:
             chosen, = (rng.random(len(states)) < self.prior_share).nonzero()
             states[chosen] = predicted[chosen] + model.sample_noise(len(chosen), dt, rng)
         if not self.densities:
             return Proposed(states)
-        log_density = density.log_density(states - forecast)
+        log_density = scatter.log_density(states - centre)
         if self.prior_share:
             prior = model.log_noise_density(states - predicted, dt)
             log_density = np.logaddexp(prior + math.log(self.prior_share),
@@ -206,16 +208,18 @@ class GreyProposal(Proposal):
             forecast[velocity] = (forecast[position] - latest[position]) / dt
         return np.array(forecast)
 
-    def _density(
+    def _scatter(
             self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,
-            predicted: FloatArray, dt: float) -> GaussianNoise | None:
-        """Return N(0, P_k), or None where the numbers have left the range of floats."""
-        states, weights = belief.states, belief.weights.values
+            dt: float) -> GaussianNoise | None:
+        """Return what is drawn about the centre, or None where numbers left the floats' range."""
+        if not math.isfinite(forecast.sum()):
+            return None
+        noise = model.process_error(dt)
         if self.spread == 'predicted':
-            states = predicted
-        centre = forecast if self.spread == 'forecast' else weights @ states
-        covariance = spread_about(centre, states, weights)
-        covariance += self.floor * model.process_error(dt).covariance
+            return noise if self.floor == 1 else GaussianNoise(
+                self.floor * noise.covariance, math.sqrt(self.floor) * noise.factor)
+        covariance = belief.spread_about(forecast)
+        covariance += self.floor * noise.covariance
         try:
             return GaussianNoise.from_covariance(covariance)
         except ValueError:
