@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 
 from drawn_video import box_at, DrawnVideo, TARGET, texture
 import numpy as np
@@ -173,10 +174,20 @@ def test_its_colours_tell_where_to_search(there):
 
 @pytest.mark.parametrize('likeness', [-1000.0, -20.0, 0.0, 20.0, 1000.0])
 def test_confidence_is_a_share_whatever_the_likeness(likeness):
-    """A place that speaks wildly against the target is no reason to stop."""
+    """A place that speaks wildly against the target is no reason to stop, nor for long."""
     video = DrawnVideo()
     target = DiscriminativeTarget(np.random.default_rng(0))
-    target.start(video.frame((160.0, 110.0)), (160.0, 110.0), TARGET)
-    target.likeness = likeness
+    center = 160.0, 110.0
+    frame = video.frame(center)
+    target.start(frame, center, TARGET)
+    first = target._first
+    target._first = SimpleNamespace(likeness=lambda *place: likeness)
+    for _ in range(10):
+        target.settle(frame, target.look(frame, center), center, 1.0)
     assert 0 <= target.confidence <= 1
     assert target.confidence == pytest.approx(float(likeness > 0), abs=0.02)
+    if likeness < 0:
+        target._first = first
+        for _ in range(4):
+            target.settle(frame, target.look(frame, center), center, 1.0)
+        assert target.confidence > 0.9

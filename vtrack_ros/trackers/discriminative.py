@@ -44,6 +44,9 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 _VERIFIED_EVERY, _EVIDENCE_QUESTIONABLE = 2, 0.85
 #: Likeness at which on and off the target are even, and the width of the transition.
 _EVEN_LIKENESS, _LIKENESS_SPREAD = 0.085, 0.02
+#: The margin to that is averaged over looks, with that weight of the latest; by so much a case is
+#: clear, and not any clearer.
+_MARGIN_RATE, _CLEAR = 0.5, 0.1
 #: A target that's plain to see is told from textures that look a little like everything.
 _EVEN_SHARE = 0.2
 #: The target is looked for on its straight way on for that long.
@@ -90,13 +93,13 @@ class DiscriminativeTarget:
         self._doubtful_frames = self.out_of_sight_frames = 0.0
         self._latest_step: tuple[Point, float] | None = None
         self.likeness = 1.0
+        self._margin = _CLEAR
 
     @property
     def confidence(self) -> float:
         """How sure it is that the live place is the target's, in [0, 1]."""
-        # the logistic function, without its overflow
-        return 0.5 + 0.5 * math.tanh(
-            (self.likeness - self._even_likeness) / (2 * _LIKENESS_SPREAD))
+        # the logistic function
+        return 0.5 + 0.5 * math.tanh(self._margin / (2 * _LIKENESS_SPREAD))
 
     @property
     def _even_likeness(self) -> float:
@@ -173,8 +176,9 @@ class DiscriminativeTarget:
             found = False
         else:
             found = self._search(frame, sighting.peak, dt)
-        seen = self.likeness >= self._even_likeness
-        self.out_of_sight_frames = 0.0 if seen else self.out_of_sight_frames + dt
+        latest = min(max(self.likeness - self._even_likeness, -_CLEAR), _CLEAR)
+        self._margin += (1 if found else _MARGIN_RATE) * (latest - self._margin)
+        self.out_of_sight_frames = 0.0 if self._margin >= 0 else self.out_of_sight_frames + dt
         return found
 
     def _learn(self, frame: Frame, sighting: Sighting, center: Point) -> Hypothesis:
