@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from types import SimpleNamespace
 
 from drawn_video import box_at, DrawnVideo, TARGET, texture
 import numpy as np
@@ -12,6 +11,7 @@ import pytest
 from vtrack_ros.bags import BagReader
 from vtrack_ros.trackers import create_tracker, TrackState
 from vtrack_ros.trackers.discriminative import DiscriminativeTarget
+from vtrack_ros.trackers.out_of_sight import Sight
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
 START = (70.0, 110.0)
@@ -174,20 +174,37 @@ def test_its_colours_tell_where_to_search(there):
 
 @pytest.mark.parametrize('likeness', [-1000.0, -20.0, 0.0, 20.0, 1000.0])
 def test_confidence_is_a_share_whatever_the_likeness(likeness):
-    """A place that speaks wildly against the target is no reason to stop, nor for long."""
-    video = DrawnVideo()
-    target = DiscriminativeTarget(np.random.default_rng(0))
-    center = 160.0, 110.0
-    frame = video.frame(center)
-    target.start(frame, center, TARGET)
-    first = target._first
-    target._first = SimpleNamespace(likeness=lambda *place: likeness)
+    """A place that speaks wildly for or against the target counts no more than a clear one."""
+    sight = Sight()
     for _ in range(10):
-        target.settle(frame, target.look(frame, center), center, 1.0)
-    assert 0 <= target.confidence <= 1
-    assert target.confidence == pytest.approx(float(likeness > 0), abs=0.02)
-    if likeness < 0:
-        target._first = first
-        for _ in range(4):
-            target.settle(frame, target.look(frame, center), center, 1.0)
-        assert target.confidence > 0.9
+        sight.judge(likeness, 0.3, 1.0)
+        assert 0 <= sight.confidence <= 1
+    assert sight.confidence == pytest.approx(float(likeness > 0), abs=0.02)
+    for _ in range(3):
+        sight.judge(0.0 if likeness > 0 else 0.3, 0.3, 1.0)
+    assert sight.confidence == pytest.approx(float(likeness <= 0), abs=0.1)
+
+
+def test_out_of_sight_is_counted_in_frames_and_not_from_one_bad_look():
+    """One bad look among good ones is none; a second one is, and the next good one ends it."""
+    sight = Sight()
+    sight.judge(0.0, 0.3, 1.0)
+    assert sight.unseen_frames == 0
+    for _ in range(5):
+        sight.judge(0.3, 0.3, 1.0)
+    assert sight.unseen_frames == 0 and sight.confidence > 0.9
+    sight.judge(0.0, 0.3, 1.0)
+    sight.judge(0.0, 0.3, 2.0)
+    sight.judge(0.0, 0.3, 3.0)
+    assert sight.unseen_frames == 5 and sight.confidence < 0.2
+    sight.judge(0.3, 0.3, 1.0, elsewhere=True)
+    assert sight.unseen_frames == 0 and sight.confidence > 0.9
+
+
+def test_what_is_plain_to_see_has_to_be_plain():
+    """A likeness that's enough for a target of which little is known isn't for a clear one."""
+    faint, plain = Sight(), Sight()
+    for _ in range(5):
+        faint.judge(0.1, 0.2, 1.0)
+        plain.judge(0.1, 0.75, 1.0)
+    assert faint.confidence > 0.5 > plain.confidence

@@ -14,7 +14,7 @@ from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers.base import Estimate
-from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
+from vtrack_ros.trackers.out_of_sight import Sight, state_after, unknown_covariance
 from vtrack_ros.trackers.sighting import Hypothesis, look_for, Sighting
 
 #: Trouble is when the evidence falls below this share of its running mean, or the likeness below
@@ -42,13 +42,6 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 #: A target that's beyond question is verified in every second frame too; it's questionable where
 #: the evidence is below this share of its mean, or where it wasn't always good enough before.
 _VERIFIED_EVERY, _EVIDENCE_QUESTIONABLE = 2, 0.85
-#: Likeness at which on and off the target are even, and the width of the transition.
-_EVEN_LIKENESS, _LIKENESS_SPREAD = 0.085, 0.02
-#: The margin to that is averaged over looks, with that weight of the latest; by so much a case is
-#: clear, and not any clearer.
-_MARGIN_RATE, _CLEAR = 0.5, 0.1
-#: A target that's plain to see is told from textures that look a little like everything.
-_EVEN_SHARE = 0.2
 #: The target is looked for on its straight way on for that long.
 _EXTRAPOLATED_FRAMES = 60
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
@@ -90,22 +83,10 @@ class DiscriminativeTarget:
         self._frames = 0
         self._growing = False
         self._doubtful_looks = self._trusted_frames = self._jump_frames = 0
-        self._doubtful_frames = self.out_of_sight_frames = 0.0
+        self._doubtful_frames = 0.0
         self._latest_step: tuple[Point, float] | None = None
         self.likeness = 1.0
-        self._margin = _CLEAR
-
-    @property
-    def confidence(self) -> float:
-        """How sure it is that the live place is the target's, in [0, 1]."""
-        # the logistic function
-        return 0.5 + 0.5 * math.tanh(self._margin / (2 * _LIKENESS_SPREAD))
-
-    @property
-    def _even_likeness(self) -> float:
-        """Return the likeness at which on and off the target are even."""
-        usual = (self._snapshot or self.live).likeness_mean
-        return max(_EVEN_LIKENESS, _EVEN_SHARE * usual)
+        self.sight = Sight()
 
     def estimate(self, covariance: NDArray[np.float64], angle: float = 0.0,
                  particles: NDArray[np.float64] | None = None,
@@ -130,11 +111,11 @@ class DiscriminativeTarget:
         """
         if box is None:
             box = Box.from_center(*self.live.center, *self.live.size)
-        unseen = self.out_of_sight_frames
+        unseen = self.sight.unseen_frames
         return Estimate(
             box=box, angle=angle,
             covariance=covariance + unknown_covariance(*ERRORS, box.area, unseen),
-            confidence=self.confidence, state=state_after(unseen), particles=particles,
+            confidence=self.sight.confidence, state=state_after(unseen), particles=particles,
             affine=affine)
 
     @property
@@ -176,9 +157,8 @@ class DiscriminativeTarget:
             found = False
         else:
             found = self._search(frame, sighting.peak, dt)
-        latest = min(max(self.likeness - self._even_likeness, -_CLEAR), _CLEAR)
-        self._margin += (1 if found else _MARGIN_RATE) * (latest - self._margin)
-        self.out_of_sight_frames = 0.0 if self._margin >= 0 else self.out_of_sight_frames + dt
+        usual = (self._snapshot or self.live).likeness_mean
+        self.sight.judge(self.likeness, usual, dt, found)
         return found
 
     def _learn(self, frame: Frame, sighting: Sighting, center: Point) -> Hypothesis:

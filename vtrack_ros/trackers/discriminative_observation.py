@@ -51,7 +51,7 @@ class DiscriminativeObservation(Observation):
         """Make the evidence map about the box; the measured centre is its maximum."""
         x, y = box[:2].tolist()
         self._sighting = self.target.look(frame, (x, y))
-        if self.target.out_of_sight_frames or not self._measuring:
+        if self.target.sight.unseen_frames or not self._measuring:
             return None
         usual = max(self.target.live.evidence_mean, 1e-6)
         quality = min(max(self._sighting.peak / usual, 0.2), 1.0)
@@ -72,6 +72,6 @@ class DiscriminativeObservation(Observation):
         center = self._sighting.climb((float(box[0]), float(box[1])))
         center = self._sighting.unless_dominated(center)
         jumped = self.target.settle(frame, self._sighting, center, dt)
-        live = self.target.live
-        return Conclusion(np.array([*live.center, *live.size]), self.target.confidence,
-                          self.target.out_of_sight_frames, jumped)
+        live, sight = self.target.live, self.target.sight
+        return Conclusion(np.array([*live.center, *live.size]), sight.confidence,
+                          sight.unseen_frames, jumped)

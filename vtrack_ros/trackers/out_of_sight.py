@@ -1,12 +1,21 @@
-"""What a tracker doesn't know, of a target that it sees and of one that it doesn't."""
+"""Whether a target is in sight, and what a tracker doesn't know of one that isn't."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.trackers.base import TrackState
 
+#: Likeness to the first look at which on and off the target are even, and for a target that's
+#: plain to see, which is told from textures that look a little like everything, as a share of what
+#: is usual; the width of the transition.
+_EVEN_LIKENESS, _EVEN_SHARE, _LIKENESS_SPREAD = 0.085, 0.2, 0.02
+#: The margin to the even likeness is averaged over looks, with that weight of the latest; by so
+#: much a case is clear, and not any clearer.
+_MARGIN_RATE, _CLEAR = 0.5, 0.1
 #: A target is lost after more frames out of sight than that.
 _LOST_FRAMES = 30
 #: Standard deviations of centre and size, as shares of the target's mean side, in the first frame
@@ -15,6 +24,46 @@ _LOST_FRAMES = 30
 _CENTER_ERROR, _SIZE_ERROR = 1.0, 0.3
 #: The variance of the centre grows by as much again in that many frames.
 _WANDERING_FRAMES = 30
+
+
+class Sight:
+    """
+    Judges from the likeness of a few looks whether the target is in sight.
+
+    It is, at first.
+    """
+
+    def __init__(self) -> None:
+        self._margin = _CLEAR
+        self.unseen_frames = 0.0
+        """For so many frames the target hasn't been seen; 0 if it was in the last one."""
+
+    @property
+    def confidence(self) -> float:
+        """Return how sure it is that the target is where it was looked for, in [0, 1]."""
+        # the logistic function
+        return 0.5 + 0.5 * math.tanh(self._margin / (2 * _LIKENESS_SPREAD))
+
+    def judge(self, likeness: float, usual: float, dt: float, elsewhere: bool = False) -> None:
+        """
+        Take one more look into account.
+
+        Parameters
+        ----------
+        likeness : float
+            To the first look.
+        usual : float
+            What's usual for this target.
+        dt : float, [frames]
+            The time since the last look.
+        elsewhere : bool
+            Whether it's a look at another place, to which the last ones mean nothing.
+
+        """
+        even = max(_EVEN_LIKENESS, _EVEN_SHARE * usual)
+        margin = min(max(likeness - even, -_CLEAR), _CLEAR)
+        self._margin += (1 if elsewhere else _MARGIN_RATE) * (margin - self._margin)
+        self.unseen_frames = 0.0 if self._margin >= 0 else self.unseen_frames + dt
 
 
 def state_after(frames: float) -> TrackState:
