@@ -52,6 +52,14 @@ def test_a_filter_confined_to_the_whole_window_is_the_filter():
         whole.confined(48.0, 40.0).response(spectrum), whole.response(spectrum), atol=1e-4)
 
 
+def test_a_blank_target_is_like_nothing():
+    """Where there's nothing to recognise no place is recognised, and the scale stays sane."""
+    blank = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
+    look = learned(blank)
+    for frame in (blank, DrawnVideo().frame(MIDDLE)):
+        assert -10 < likeness(look, frame) < 0.1
+
+
 @pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
 def test_the_first_look_itself(colour):
     """0.75, also a pixel beside it, and in a video as bright again."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 import itertools
 
 from drawn_video import box_at, DrawnVideo, TARGET, texture
@@ -172,6 +173,21 @@ def test_its_colours_tell_where_to_search(there):
         assert abs(x - there[0]) < TARGET[0] / 2 and abs(y - there[1]) < TARGET[1] / 2
 
 
+@pytest.mark.parametrize('likeness, jumps', [(0.08, False), (0.09, True)])
+def test_no_jump_to_what_would_not_be_taken_for_the_target(likeness, jumps, monkeypatch):
+    """However little the target has been like itself lately, as in a shadow, and is here."""
+    video = DrawnVideo()
+    target = DiscriminativeTarget(np.random.default_rng(0))
+    center, elsewhere = (160.0, 110.0), (50.0, 60.0)
+    frame = video.frame(center)
+    target.start(frame, center, TARGET)
+    target._snapshot = replace(target.live, likeness_mean=0.1)
+    target.likeness = 0.01
+    monkeypatch.setattr(target, '_best_place', lambda *place: (likeness, elsewhere))
+    assert target._search(frame, 0.5, 1.0) == jumps
+    assert target.live.center == (elsewhere if jumps else center)
+
+
 @pytest.mark.parametrize('likeness', [-1000.0, -20.0, 0.0, 20.0, 1000.0])
 def test_confidence_is_a_share_whatever_the_likeness(likeness):
     """A place that speaks wildly for or against the target counts no more than a clear one."""
@@ -208,3 +224,20 @@ def test_what_is_plain_to_see_has_to_be_plain():
         faint.judge(0.1, 0.2, 1.0)
         plain.judge(0.1, 0.75, 1.0)
     assert faint.confidence > 0.5 > plain.confidence
+
+
+@pytest.mark.parametrize('noise', [0.0, 3.0])
+@pytest.mark.parametrize('name', ['gmpf', 'pqkpf', 'abmspf', 'appf'])
+def test_a_featureless_target_is_not_said_to_be_tracked(name, noise):
+    """Where there's nothing to recognise, in a blank wall, the tracker says so at once."""
+    rng = np.random.default_rng(5)
+    tracker = create_tracker(name, seed=0)
+    estimates = []
+    for index in range(12):
+        frame = np.clip(128 + noise * rng.standard_normal((240, 320, 3)), 0, 255).astype(np.uint8)
+        estimates.append(tracker.update(frame) if index else tracker.start(
+            frame, box_at((160.0, 110.0))))
+    states = [estimate.state for estimate in estimates[6:]]
+    assert TrackState.SEARCHING in states and states.count(TrackState.TRACKING) <= 1
+    assert np.mean([estimate.confidence for estimate in estimates[6:]]) < 0.5
+    assert all(np.isfinite(estimate.covariance).all() for estimate in estimates)

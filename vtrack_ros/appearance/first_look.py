@@ -12,6 +12,9 @@ from vtrack_ros.appearance.target import Point, TargetModel, View
 #: Likeness of the first look itself. A filter that sees the target alone answers more to anything
 #: than one that sees the surroundings too; with this weight the two are on one scale.
 _PART_WEIGHT = 0.75
+#: The least that the response of the target alone to itself is taken for: where there is less,
+#: nothing is to be recognised, and it has to stay little.
+_LEAST_PART = 0.1
 #: Power of the colours' evidence, and the least that it's taken for: light takes all colours away.
 _COLOUR_POWER, _LEAST_COLOUR = 0.25, 0.3
 
@@ -47,7 +50,8 @@ class FirstLook:
         """Remember a model, and the view that it was learned from, the target in its middle."""
         whole = model.correlation
         part = whole.confined(*model.layout.target)
-        gain = _PART_WEIGHT / max(float(part.response(model.transform(view)).max()), 1e-6)
+        own = float(part.response(model.transform(view)).max())
+        gain = _PART_WEIGHT / max(own, _LEAST_PART)
         both = np.stack([whole.numerator, np.complex64(gain) * part.numerator])
         return cls(model, replace(whole, numerator=both), model.mean_probability(view))
 

@@ -14,7 +14,8 @@ from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers.base import Estimate
-from vtrack_ros.trackers.out_of_sight import Sight, state_after, unknown_covariance
+from vtrack_ros.trackers.out_of_sight import (
+    EVEN_LIKENESS, Sight, state_after, unknown_covariance)
 from vtrack_ros.trackers.sighting import Hypothesis, look_for, Sighting
 
 #: Trouble is when the evidence falls below this share of its running mean, or the likeness below
@@ -23,7 +24,8 @@ _EVIDENCE_TROUBLE = 0.7
 _LIKENESS_TROUBLE, _ALWAYS_GOOD = 0.6, 0.15
 #: The running means are slow, or they would get used to an occluder.
 _MEAN_RATE = 0.03
-#: Likeness that ends the trouble, or justifies a jump: the lower of a share and a level.
+#: Likeness that ends the trouble, or justifies a jump: the lower of a share and a level, but never
+#: one that speaks against the target.
 _TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
 #: Likeness that leaves the present place plausible, likewise.
 _PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
@@ -230,7 +232,7 @@ class DiscriminativeTarget:
         self._doubtful_looks += 1
         self._doubtful_frames += dt
         level = snapshot.likeness_mean
-        trusted = min(_TRUSTED_SHARE * level, _TRUSTED)
+        trusted = max(min(_TRUSTED_SHARE * level, _TRUSTED), EVEN_LIKENESS)
         plausible = self.likeness >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
         self._trusted_frames = self._trusted_frames + 1 if self.likeness > trusted else 0
         changed = (self._doubtful_looks > _ACCEPTED_LOOKS and self.likeness > _ACCEPTED

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from vtrack_ros.trackers.base import TrackState
 
-#: Likeness to the first look at which on and off the target are even, and for a target that's
-#: plain to see, which is told from textures that look a little like everything, as a share of what
-#: is usual; the width of the transition.
-_EVEN_LIKENESS, _EVEN_SHARE, _LIKENESS_SPREAD = 0.085, 0.2, 0.02
+#: Likeness to the first look at which on and off the target are even.
+EVEN_LIKENESS = 0.085
+#: The same as a share of what's usual, for a target that's plain to see: it's told from textures
+#: that look a little like everything. And the width of the transition.
+_EVEN_SHARE, _LIKENESS_SPREAD = 0.2, 0.02
 #: The margin to the even likeness is averaged over looks, with that weight of the latest; by so
 #: much a case is clear, and not any clearer.
 _MARGIN_RATE, _CLEAR = 0.5, 0.1
@@ -60,7 +61,7 @@ class Sight:
             Whether it's a look at another place, to which the last ones mean nothing.
 
         """
-        even = max(_EVEN_LIKENESS, _EVEN_SHARE * usual)
+        even = max(EVEN_LIKENESS, _EVEN_SHARE * usual)
         margin = min(max(likeness - even, -_CLEAR), _CLEAR)
         self._margin += (1 if elsewhere else _MARGIN_RATE) * (margin - self._margin)
         self.unseen_frames = 0.0 if self._margin >= 0 else self.unseen_frames + dt
