@@ -57,6 +57,10 @@ GREY: dict[str, tuple[Proposal, str]] = {
         'simplified'),
     'and 30 % prior particles, full': (
         GreyProposal(spread='predicted', velocities={2: 0, 3: 1}, prior_share=0.3), 'full'),
+    'particles moved, simplified': (
+        GreyProposal(spread='moved', velocities={2: 0, 3: 1}, prior_share=0.3), 'simplified'),
+    'particles moved, full': (
+        GreyProposal(spread='moved', velocities={2: 0, 3: 1}, prior_share=0.3), 'full'),
 }
 BUDGETS = {'GMPF, n = 6': 0.3, 'P-QKPF, n = 4, third order': 3.0}
 
@@ -84,6 +88,8 @@ def speed(repeats: int) -> dict[str, dict[str, float]]:
         'GMPF, n = 6': GreyProposal(),
         'GMPF with a share of prior particles, n = 6': GreyProposal(
             prior_share=0.3, spread='predicted', velocities={2: 0, 3: 1}),
+        'GMPF, particles moved, n = 6': GreyProposal(
+            prior_share=0.3, spread='moved', velocities={2: 0, 3: 1}),
         'KPF, n = 6': GaussianFilterProposal(KalmanFilter(flat)),
         'EPF, n = 4': GaussianFilterProposal(ExtendedKalmanFilter(radar)),
         'UPF, n = 4': GaussianFilterProposal(SigmaPointFilter(radar, unscented)),

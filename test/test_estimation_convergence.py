@@ -38,6 +38,7 @@ PROPOSALS = {
     'pf': lambda model: PriorProposal(),
     'gmpf': lambda model: GreyProposal(floor=2.0),
     'gmpf, prior share': lambda model: GreyProposal(prior_share=0.3, spread='predicted'),
+    'gmpf, moved': lambda model: GreyProposal(prior_share=0.3, spread='moved'),
     'kpf': per_particle(KalmanFilter),
     'kpf, kept': per_particle(KalmanFilter, covariance='kept'),
     'kpf, inflated': per_particle(KalmanFilter, inflation=0.5),

@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.belief import Belief, spread_about
 from vtrack_ros.estimation.gaussian import GaussianNoise
 from vtrack_ros.estimation.grey import series_forecast, SHORTEST_SERIES
 from vtrack_ros.estimation.model import StateSpaceModel
 from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
 
-SPREADS = ('forecast', 'predicted')
+SPREADS = ('forecast', 'predicted', 'moved')
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +107,13 @@ class GreyProposal(Proposal):
     margin : float or None
         That of `equivariant_forecast`; None takes the paper's formula, `gm11_forecast`, whose
         forecast depends on where in the image the target is.
-    spread : {'forecast', 'predicted'}
+    spread : {'forecast', 'predicted', 'moved'}
         What P_k is the spread of: of the previous particles about the forecast (the paper), which
         also holds the square of the forecast motion, so that the particles of a fast target
-        spread along its path; or of the particles moved on by the transition, so that uncertain
-        velocities widen it. The latter are themselves moved so that their mean is the forecast,
-        and no Gaussian takes their place: they keep their modes, and each its predecessor.
+        spread along its path; or of the particles moved on by the transition about their mean, so
+        that uncertain velocities widen it. 'moved' takes these particles themselves, moved so
+        that their mean is the forecast: mean and covariance are the same, but modes stay modes,
+        each particle has its predecessor, and nothing is factorised.
     prior_share : float
         The fraction of particles that the transition prior draws, in [0, 1); the proposal is then
         the mixture of both densities. The paper has none. The forecast of a component that is
@@ -161,12 +162,13 @@ class GreyProposal(Proposal):
         """Draw successors about g_k, and the prior's share from the transition."""
         forecast = self.forecast(belief, dt)
         predicted = model.transition(belief.states, dt, belief.time)
-        scatter = None if forecast is None else self._scatter(model, belief, forecast, dt)
+        scatter = None if forecast is None else self._scatter(
+            model, belief, forecast, predicted, dt)
         if forecast is None or scatter is None:
             predicted += model.sample_noise(len(belief), dt, rng)
             return Proposed(predicted)
         centre = forecast
-        if self.spread == 'predicted':
+        if self.spread == 'moved':
             centre = predicted + (forecast - belief.weights.values @ predicted)
         states = scatter.sample(len(predicted), rng)
         states += centre
@@ -210,15 +212,17 @@ class GreyProposal(Proposal):
 
     def _scatter(
             self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,
-            dt: float) -> GaussianNoise | None:
+            predicted: FloatArray, dt: float) -> GaussianNoise | None:
         """Return what is drawn about the centre, or None where numbers left the floats' range."""
         if not math.isfinite(forecast.sum()):
             return None
         noise = model.process_error(dt)
-        if self.spread == 'predicted':
+        if self.spread == 'moved':
             return noise if self.floor == 1 else GaussianNoise(
                 self.floor * noise.covariance, math.sqrt(self.floor) * noise.factor)
-        covariance = belief.spread_about(forecast)
+        weights = belief.weights.values
+        covariance = (belief.spread_about(forecast) if self.spread == 'forecast'
+                      else spread_about(weights @ predicted, predicted, weights))
         covariance += self.floor * noise.covariance
         try:
             return GaussianNoise.from_covariance(covariance)

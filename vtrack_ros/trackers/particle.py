@@ -198,7 +198,8 @@ class GreyParticleFilter(ParticleTracker):
     holds the square of the motion but not the doubt about it, here it's that of the particles
     moved on by the model; sizes aren't forecast, for what moves their series is noise; a share of
     the particles comes from the transition prior, as in Chen et al. (2009), which the paper
-    cites, for a few wrong forecasts in a row carry all others away.
+    cites, for a few wrong forecasts in a row carry all others away. The default preset moves the
+    particles to the forecast in place of drawing from their Gaussian.
     """
 
     NAME = 'gmpf'
@@ -215,7 +216,8 @@ class GreyParticleFilter(ParticleTracker):
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         parameters = self._parameters
         return GreyProposal(
-            int(parameters['window']), float(parameters['floor']), spread='predicted',
+            int(parameters['window']), float(parameters['floor']),
+            spread='predicted' if self._observation.sized else 'moved',
             prior_share=float(parameters['prior_share']),
             densities=parameters['weighting'] == 'full', velocities=_VELOCITIES,
             steady=_SIZES if self._observation.sized else ())
