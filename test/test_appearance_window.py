@@ -146,13 +146,15 @@ def test_an_edge_moves_its_cell_only():
 
 def test_colour_names_sum_to_nothing():
     """Memberships sum to one, and so do their means: the differences sum to zero."""
-    assert memberships().shape == (32768, 11)
+    assert memberships().shape == (COLOURS_IN_15_BITS, 11)
     np.testing.assert_allclose(memberships().sum(axis=1), 0, atol=1e-9)
 
 
 def test_folded_colour_names_keep_their_products():
     """Of usual colours nearly all is kept, of saturated ones most; nothing is added."""
-    numbers = colour_names(all_colours()).reshape(COLOURS, -1).T.astype(float)
+    described = colour_names(all_colours())
+    assert described.shape == (COLOURS, 1, COLOURS_IN_15_BITS)
+    numbers = described.reshape(COLOURS, -1).T.astype(float)
     names = memberships()
     kept, energy = (numbers**2).sum(axis=1), (names**2).sum(axis=1)
     assert (kept <= energy + 1e-6).all()

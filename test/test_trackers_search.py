@@ -202,7 +202,7 @@ def test_confidence_is_a_share_whatever_the_likeness(likeness):
 
 
 def test_out_of_sight_is_counted_in_frames_and_not_from_one_bad_look():
-    """One bad look among good ones is none; a second one is, and the next good one ends it."""
+    """One bad look among good ones is none; the second one is; a look elsewhere begins anew."""
     sight = Sight()
     sight.judge(0.0, 0.3, 1.0)
     assert sight.unseen_frames == 0

@@ -79,9 +79,9 @@ class ParticleFilter:
     - 'full': `p(z|x) p(x|x_prev) / q(x|x_prev, z)` [Zhu2012, eq. 5; Qi2012, section 2.2 d];
     - 'simplified': `p(z|x)` [Zhu2012, section 4, step 3]: right for the prior proposal only; with
       any other, the proposal takes the place of the prior, and the posterior is that of a target
-      which moves as the proposal says. With the paper's spread the grey proposal
-      draws a particle that has nothing to do with the one it replaces; the full weight compares
-      it with that one predecessor all the same, and in many dimensions leaves weight to few.
+      which moves as the proposal says. What the grey proposal draws from its Gaussian has nothing
+      to do with the particle it replaces; the full weight compares it with that one predecessor
+      all the same, and in many dimensions leaves weight to few.
 
     Where no particle explains the measurement (all weights vanish), the measurement is ignored:
     the proposed particles keep the weights of before, the step is marked `recovered`, and
