@@ -10,7 +10,7 @@ from vtrack_ros.appearance.keypoints import PoseChange
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.trackers.affine_appearance import keypoint_error
 from vtrack_ros.trackers.affine_particles import GroupParticles, VectorParticles
-from vtrack_ros.trackers.base import TrackState
+from vtrack_ros.tracker import TrackState
 from vtrack_ros.trackers.registry import create_tracker, tracker_class
 
 _NAMES = ('appf', 'affine_pf', 'ppca')

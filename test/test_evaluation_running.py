@@ -195,12 +195,12 @@ def test_default_parameters_share_the_cache(folder, tmp_path):
 
 def test_source_of_a_tracker():
     """A tracker's source holds what it imports by name, not its neighbours."""
-    files = source_files('vtrack_ros.trackers.base')
-    assert {'vtrack_ros.trackers.base', 'vtrack_ros.parameters',
+    files = source_files('vtrack_ros.tracker')
+    assert {'vtrack_ros.tracker', 'vtrack_ros.parameters',
             'vtrack_ros.geometry.box'} <= set(files)
     assert 'vtrack_ros.trackers.registry' not in files
-    assert 'vtrack_ros.trackers.base' in source_files('vtrack_ros.evaluation.running')
-    assert source_hash('vtrack_ros.trackers.base') != source_hash('vtrack_ros.parameters')
+    assert 'vtrack_ros.tracker' in source_files('vtrack_ros.evaluation.running')
+    assert source_hash('vtrack_ros.tracker') != source_hash('vtrack_ros.parameters')
     with pytest.raises(ModuleNotFoundError, match='vtrack_ros.nowhere'):
         source_files('vtrack_ros.nowhere')
 

@@ -8,7 +8,7 @@ import pytest
 
 from vtrack_ros.appearance.mean_shift import EllipseColours
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers.base import TrackState
+from vtrack_ros.tracker import TrackState
 from vtrack_ros.trackers.mean_shift_evidence import climb
 from vtrack_ros.trackers.mean_shift_fusion import fused, Settings
 from vtrack_ros.trackers.registry import create_tracker

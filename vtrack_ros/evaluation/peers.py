@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import ParameterTable
-from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
+from vtrack_ros.tracker import Estimate, Tracker, TrackState
 
 #: None of the peers says how sure it is of the place.
 _NO_COVARIANCE: NDArray[np.float64] = np.full((4, 4), np.nan)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.tracker import Estimate, Tracker
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ The trackers, behind one face.
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers.base import Estimate, Tracker, TrackState
+from vtrack_ros.tracker import Estimate, Tracker, TrackState
 from vtrack_ros.trackers.registry import create_tracker, tracker_class, tracker_names
 
 __all__ = [

@@ -17,7 +17,7 @@ from vtrack_ros.trackers.affine_appearance import AffineAppearance, Widths
 from vtrack_ros.trackers.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.trackers.affine_upright import UprightTarget
-from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.tracker import Estimate, Tracker
 from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from vtrack_ros.appearance.foreground import box_mean, colour_index
 from vtrack_ros.appearance.target import Point, TargetModel
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers.base import Estimate
+from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.out_of_sight import (
     EVEN_LIKENESS, Sight, state_after, unknown_covariance)
 from vtrack_ros.trackers.sighting import Hypothesis, look_for, Sighting

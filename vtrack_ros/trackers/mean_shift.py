@@ -5,7 +5,7 @@ from __future__ import annotations
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.tracker import Estimate, Tracker
 from vtrack_ros.trackers.mean_shift_colour import ColourMeanShift
 from vtrack_ros.trackers.mean_shift_evidence import EvidenceMeanShift
 from vtrack_ros.trackers.mean_shift_fusion import Settings

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import SIGMA
-from vtrack_ros.trackers.base import Estimate
+from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
 from vtrack_ros.trackers.sighting import Sighting

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.trackers.base import TrackState
+from vtrack_ros.tracker import TrackState
 
 #: Likeness to the first look at which on and off the target are even.
 EVEN_LIKENESS = 0.085

@@ -19,7 +19,7 @@ from vtrack_ros.estimation.sigma_points import gauss_hermite, pruned_gauss_hermi
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.trackers.base import Estimate, Tracker
+from vtrack_ros.tracker import Estimate, Tracker
 from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.discriminative_observation import DiscriminativeObservation
 from vtrack_ros.trackers.observation import Conclusion, CueObservation, Observation

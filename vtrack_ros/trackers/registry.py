@@ -8,7 +8,7 @@ import numpy as np
 
 from vtrack_ros.trackers.affine import (
     AffineKeypointParticleFilter, AffineParticleFilter, SubspaceParticleFilter)
-from vtrack_ros.trackers.base import Tracker
+from vtrack_ros.tracker import Tracker
 from vtrack_ros.trackers.mean_shift import (
     AdaptiveBandwidthMeanShift, MeanShiftParticleFilter)
 from vtrack_ros.trackers.particle import (
