@@ -7,9 +7,9 @@ import pytest
 
 from vtrack_ros.appearance.affine_patches import AffinePatches
 from vtrack_ros.appearance.keypoints import PoseChange
+from vtrack_ros.estimation.affine_particles import GroupParticles, VectorParticles
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.trackers.affine_appearance import keypoint_error
-from vtrack_ros.trackers.affine_particles import GroupParticles, VectorParticles
 from vtrack_ros.tracker import TrackState
 from vtrack_ros.trackers.registry import create_tracker, tracker_class
 

@@ -1,6 +1,6 @@
 """Bayesian filters on any state-space model; they know no pixels and no ROS."""
 
-from vtrack_ros.estimation.belief import Belief
+from vtrack_ros.estimation.belief import Belief, spread_about
 from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
 from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
 from vtrack_ros.estimation.indices import composite_index
@@ -24,6 +24,6 @@ __all__ = [
     'GaussianFilter', 'GaussianFilterProposal', 'GaussianNoise', 'GreyProposal', 'KalmanFilter',
     'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',
     'pruned_gauss_hermite', 'resampler', 'RESAMPLERS', 'SecondOrderAutoregressive',
-    'SigmaPointFilter', 'SigmaPointRule', 'StateSpaceModel', 'UnivariateNonstationaryGrowth',
-    'unscented', 'VanDerMerweModel', 'Weights',
+    'SigmaPointFilter', 'SigmaPointRule', 'spread_about', 'StateSpaceModel',
+    'UnivariateNonstationaryGrowth', 'unscented', 'VanDerMerweModel', 'Weights',
 ]

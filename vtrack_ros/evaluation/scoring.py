@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.estimation.indices import composite_index
+from vtrack_ros.estimation import composite_index
 from vtrack_ros.evaluation import metrics, reporting
 from vtrack_ros.evaluation.running import Run
 

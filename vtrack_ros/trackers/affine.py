@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from vtrack_ros.appearance.keypoint_memory import KeypointMemory
 from vtrack_ros.appearance.keypoints import KeypointDetector, PoseChange
-from vtrack_ros.estimation.belief import spread_about
+from vtrack_ros.estimation import spread_about
+from vtrack_ros.estimation.affine_particles import (
+    AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.trackers.affine_appearance import AffineAppearance, Widths
-from vtrack_ros.trackers.affine_particles import (
-    AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.trackers.affine_upright import UprightTarget
 from vtrack_ros.tracker import Estimate, Tracker
 from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance

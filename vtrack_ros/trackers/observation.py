@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.fusion import FUSION_RULES, reliability
 from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
 from vtrack_ros.appearance.motion_edge import MotionEdge
-from vtrack_ros.estimation.belief import spread_about
+from vtrack_ros.estimation import spread_about
 from vtrack_ros.frame import Frame
 
 Array = NDArray[np.float64]

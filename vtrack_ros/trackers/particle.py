@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 
 from vtrack_ros.appearance.fusion import FUSION_RULES
 from vtrack_ros.estimation import (
-    ConstantVelocity, GaussianNoise, GreyProposal, ParticleFilter, PriorProposal, Proposal)
-from vtrack_ros.estimation.belief import spread_about
-from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
-from vtrack_ros.estimation.kalman import KalmanFilter
-from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
-from vtrack_ros.estimation.sigma_points import gauss_hermite, pruned_gauss_hermite, unscented
+    ConstantVelocity, gauss_hermite, GaussianFilterProposal, GaussianNoise, GreyProposal,
+    KalmanFilter, ParticleFilter, PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter,
+    spread_about, unscented)
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable
