@@ -37,8 +37,8 @@ setup(
     zip_safe=True,
     entry_points={
         'console_scripts': [
-            f'tracker = {name}.node.main:main',
-            f'tracker_lifecycle = {name}.node.main:lifecycle_main',
+            f'tracker = {name}.ros.main:main',
+            f'tracker_lifecycle = {name}.ros.main:lifecycle_main',
             f'vtrack = {name}.cli.main:main',
         ],
     },

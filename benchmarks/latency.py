@@ -32,8 +32,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
-from vtrack_ros.ros.dds_profile import with_profile
-from vtrack_ros.ros.domain import reserve_domain
+from vtrack_ros.dds import reserve_domain, with_profile
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Width, height and rate of the streams.

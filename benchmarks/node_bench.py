@@ -17,7 +17,7 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 
-from vtrack_ros.ros.dds_profile import with_profile
+from vtrack_ros.dds import with_profile
 
 #: The target's side, in pixels, and the frames of its way there and back.
 SIDE, WAY = 64, 12
@@ -82,7 +82,7 @@ def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str]:
     """Return the arguments of a node in a namespace of its own."""
-    return ['-m', 'vtrack_ros.node.main', '--ros-args', '-r', f'__ns:=/{name}',
+    return ['-m', 'vtrack_ros.ros.main', '--ros-args', '-r', f'__ns:=/{name}',
             '-p', f'tracker:={tracker}', '-p', f'init_box:={box}', *more]
 
 

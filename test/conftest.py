@@ -7,7 +7,7 @@ from pathlib import Path
 import signal
 
 import pytest
-from vtrack_ros.ros.domain import reserve_domain
+from vtrack_ros.dds import reserve_domain
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

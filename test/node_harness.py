@@ -22,8 +22,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from vision_msgs.msg import BoundingBox2D, Detection2DArray
 
+from vtrack_ros.dds import with_profile
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.dds_profile import with_profile
 
 # Whoever sends images needs the profile as well; Fast DDS reads this with the first context.
 os.environ.update(with_profile(os.environ))
@@ -40,7 +40,7 @@ class NodeProcess:
     def __init__(self, *arguments: str, entry: str = 'main', prelude: str = '',
                  **parameters: object) -> None:
         command = [sys.executable, '-c', f'import sys; {prelude}\n'
-                   f'from vtrack_ros.node.main import {entry}; sys.exit({entry}())',
+                   f'from vtrack_ros.ros.main import {entry}; sys.exit({entry}())',
                    '--ros-args', *arguments]
         for name, value in parameters.items():
             command += ['-p', f'{name.replace("__", ".")}:={value}']

@@ -24,7 +24,7 @@ from sensor_msgs.msg import Image  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 from vtrack_ros.bags import BagReader, messages  # noqa: E402
-from vtrack_ros.ros.images import stamp_nanoseconds, to_frame  # noqa: E402
+from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
 
 PATIENCE = 30.0
 

@@ -15,7 +15,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E
 
 from vtrack_ros.bags import BagError, BagReader, BagWriter, messages  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
-from vtrack_ros.ros.images import stamp_nanoseconds, to_frame  # noqa: E402
+from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
 
 COUNT = 12
 STEP = 40_000_000

@@ -11,8 +11,8 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagError, BagReader, BagWriter, messages, StampedFrame  # noqa: E402
 from vtrack_ros.bags.replay import Figures, replay, Scoring, Step  # noqa: E402
 from vtrack_ros.cli.main import main  # noqa: E402
-from vtrack_ros.follower import Follower  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
+from vtrack_ros.session.session import TrackingSession  # noqa: E402
 from vtrack_ros.trackers import Estimate, TrackState  # noqa: E402
 
 STEP = 40_000_000
@@ -45,9 +45,9 @@ def test_bit_for_bit(repository, tmp_path, tracker, capsys):
 
     with BagReader(path) as bag:
         images, truth = list(bag.frames()), bag.truth()
-    follower = Follower(tracker, seed=3)
-    estimates = [follower.start(images[0].frame, images[0].stamp, truth[images[0].stamp])]
-    estimates += [follower.update(image.frame, image.stamp) for image in images[1:]]
+    session = TrackingSession(tracker, seed=3)
+    estimates = [session.start(images[0].frame, images[0].stamp, truth[images[0].stamp])]
+    estimates += [session.update(image.frame, image.stamp) for image in images[1:]]
     rows = rows_of(tmp_path / 'one')
     assert len(rows) == len(estimates) == 50
     for row, image, estimate in zip(rows, images, estimates):
@@ -144,7 +144,7 @@ def test_begins_where_the_truth_begins(face):
     """Until the first true box there is no target."""
     images, truth = face
     late = {stamp: None if index < 7 else box for index, (stamp, box) in enumerate(truth.items())}
-    steps = list(replay(images, Follower('pf'), late))
+    steps = list(replay(images, TrackingSession('pf'), late))
     assert [step.estimate is None for step in steps] == [True] * 7 + [False] * 43
     assert [step.started for step in steps].index(True) == 7
     assert steps[7].estimate.box.iou(late[images[7].stamp]) > 0.99
@@ -154,8 +154,8 @@ def test_box_says_where(face):
     """A box serves in place of the truth, from the first image on."""
     images, truth = face
     first = truth[images[0].stamp]
-    one = list(replay(images[:10], Follower('pf', 1), truth))
-    two = list(replay(images[:10], Follower('pf', 1), {}, first))
+    one = list(replay(images[:10], TrackingSession('pf', 1), truth))
+    two = list(replay(images[:10], TrackingSession('pf', 1), {}, first))
     assert [step.estimate.box for step in one] == [step.estimate.box for step in two]
 
 
@@ -163,15 +163,15 @@ def test_nothing_says_where(face):
     """That's an error, not an empty result; so is a box beyond the image."""
     images, _ = face
     with pytest.raises(BagError, match='--init'):
-        list(replay(images[:3], Follower('pf'), {}))
+        list(replay(images[:3], TrackingSession('pf'), {}))
     with pytest.raises(BagError, match='no pixel inside'):
-        list(replay(images[:3], Follower('pf'), {}, Box(1000, 0, 5, 5)))
+        list(replay(images[:3], TrackingSession('pf'), {}, Box(1000, 0, 5, 5)))
 
 
 def test_stamps_that_go_backwards(face):
     """A bag that was recorded from a loop begins anew, with the same boxes."""
     images, truth = face
-    steps = list(replay([*images[:12], *images[:12]], Follower('gmpf', 5), truth))
+    steps = list(replay([*images[:12], *images[:12]], TrackingSession('gmpf', 5), truth))
     assert [step.started for step in steps] == 2 * ([True] + [False] * 11)
     boxes = [step.estimate.box for step in steps]
     assert boxes[:12] == boxes[12:]
@@ -182,7 +182,7 @@ def test_size_that_changes(face):
     images, truth = face
     small = [StampedFrame(image.stamp, image.received, '', image.frame[:80, :100].copy())
              for image in images[5:8]]
-    steps = list(replay([*images[:5], *small], Follower('pf'), truth))
+    steps = list(replay([*images[:5], *small], TrackingSession('pf'), truth))
     assert [step.estimate is None for step in steps] == [False] * 5 + [True] * 3
 
 

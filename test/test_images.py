@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.ros.images import (
+from vtrack_ros.messages.images import (
     compressed_to_frame, ENCODINGS, fill_image, stamp_nanoseconds, to_frame)
 
 WIDTH, HEIGHT = 8, 6

@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 from node_harness import Client, NodeProcess
 import pytest
 from sensor_msgs.msg import CompressedImage
-from vtrack_ros.node.parameter_files import files
-from vtrack_ros.ros.dds_profile import profile_path, receiving_profile, VARIABLES, with_profile
+from vtrack_ros.dds import profile_path, receiving_profile, VARIABLES, with_profile
+from vtrack_ros.ros.parameter_files import files
 from vtrack_ros.ros.parameters import INIT_BOX, NODE_PARAMETERS, parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
 import yaml
@@ -27,7 +27,7 @@ def test_made_from_the_table(repository, name):
     """Files and table say the same; after a change of the table they are to be made again."""
     path = repository / name
     assert path.is_file() and path.read_text() == files()[name], (
-        f'{name} is not what the table says: run python -m vtrack_ros.node.parameter_files')
+        f'{name} is not what the table says: run python -m vtrack_ros.ros.parameter_files')
 
 
 @pytest.mark.parametrize('tracker', tracker_names())

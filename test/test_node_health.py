@@ -283,7 +283,7 @@ def test_reset_is_in_the_state(client):
 
 def test_nothing_is_said_twice_in_a_moment():
     """The log passes a line on once a moment, and not more than so many different ones."""
-    from vtrack_ros.node.quiet_log import MOST, PERIOD, QuietLog
+    from vtrack_ros.ros.quiet_log import MOST, PERIOD, QuietLog
 
     class Lines(list):
 

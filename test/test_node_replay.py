@@ -6,7 +6,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image
 
 from vtrack_ros.bags import BagReader
-from vtrack_ros.follower import Follower
+from vtrack_ros.session.session import TrackingSession
 
 
 @pytest.mark.parametrize('tracker', ['gmpf', 'pqkpf', 'abmspf', 'appf'])
@@ -19,9 +19,9 @@ def test_node_and_replay_agree(repository, tracker):
                   for raw in bag.raw({bag.image_topic().name})]
         truth = bag.truth()
     box = truth[frames[0].stamp]
-    follower = Follower(tracker, seed=11)
-    expected = [follower.start(frames[0].frame, frames[0].stamp, box)]
-    expected += [follower.update(frame.frame, frame.stamp) for frame in frames[1:]]
+    session = TrackingSession(tracker, seed=11)
+    expected = [session.start(frames[0].frame, frames[0].stamp, box)]
+    expected += [session.update(frame.frame, frame.stamp) for frame in frames[1:]]
 
     numbers = ', '.join(map(repr, box.as_array().tolist()))
     with NodeProcess(tracker=tracker, seed=11, init_box=f'[{numbers}]'), Client() as client:

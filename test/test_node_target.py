@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.node.target import Target
 from vtrack_ros.ros.parameters import checked_settings, parameter_table
+from vtrack_ros.ros.target import Target
 from vtrack_ros.trackers import Estimate, TrackState
 
 STEP = 33_333_333
@@ -57,8 +57,8 @@ def scripted(monkeypatch):
     def create(*_, **__):
         made.append(Scripted())
         return made[-1]
-    monkeypatch.setattr('vtrack_ros.follower.create_tracker', create)
-    monkeypatch.setattr('vtrack_ros.node.target.create_tracker', create)
+    monkeypatch.setattr('vtrack_ros.session.session.create_tracker', create)
+    monkeypatch.setattr('vtrack_ros.ros.target.create_tracker', create)
     monkeypatch.setattr(Scripted, 'states', [])
     return made
 

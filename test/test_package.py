@@ -76,7 +76,7 @@ def test_pip(repository: Path, tmp_path: Path) -> None:
         assert os.access(tmp_path / 'venv' / 'bin' / name, os.X_OK)
     share = tmp_path / 'venv' / 'share'
     assert (share / 'ament_index' / 'resource_index' / 'packages' / 'vtrack_ros').is_file()
-    script = 'from vtrack_ros.ros.dds_profile import profile_path; print(profile_path())'
+    script = 'from vtrack_ros.dds import profile_path; print(profile_path())'
     found = run(tmp_path / 'venv' / 'bin' / 'python', '-c', script, cwd=tmp_path)
     assert Path(found.strip()) == share / 'vtrack_ros' / 'config' / 'fastdds.xml'
 

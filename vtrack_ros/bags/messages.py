@@ -14,7 +14,7 @@ from rosbags.typesys.store import Typestore
 from vtrack_ros.bags.truth import true_box
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.images import fill_image
+from vtrack_ros.messages.images import fill_image
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'

@@ -26,7 +26,7 @@ from vtrack_ros.bags.topics import absolute, Topic
 from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
 
 # What rosbags and the storage below it raise on data that isn't as it should be.
 _BROKEN = (

@@ -11,8 +11,8 @@ import numpy as np
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import StampedFrame
 from vtrack_ros.evaluation.metrics import wrongly_measured
-from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
+from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate
 
 #: The state of a frame without a target, as the node calls it.
@@ -43,8 +43,8 @@ class Step:
     started: bool = False
 
 
-def replay(images: Iterable[StampedFrame], follower: Follower, truth: Mapping[int, Box | None],
-           box: Box | None = None) -> Iterator[Step]:
+def replay(images: Iterable[StampedFrame], session: TrackingSession,
+           truth: Mapping[int, Box | None], box: Box | None = None) -> Iterator[Step]:
     """
     Follow a target through images, as the node would that drops none of them.
 
@@ -52,7 +52,7 @@ def replay(images: Iterable[StampedFrame], follower: Follower, truth: Mapping[in
     ----------
     images : iterable of StampedFrame
         In the order in which they came.
-    follower : Follower
+    session : TrackingSession
         What follows the target; it has none yet.
     truth : mapping
         Stamp in nanoseconds -> true box, None where the target is absent.
@@ -70,19 +70,19 @@ def replay(images: Iterable[StampedFrame], follower: Follower, truth: Mapping[in
     waiting = True
     for image in images:
         if last is not None and image.stamp < last:
-            follower.forget()
+            session.forget()
             waiting = True
         last = image.stamp
         first = (box or truth.get(image.stamp)) if waiting else None
         began = time.perf_counter()
         if first is not None:
             try:
-                estimate: Estimate | None = follower.start(image.frame, image.stamp, first)
+                estimate: Estimate | None = session.start(image.frame, image.stamp, first)
             except ValueError as error:
                 raise BagError(f'the tracker cannot start at stamp {image.stamp}: {error}'
                                ) from None
         else:
-            estimate = follower.update(image.frame, image.stamp)
+            estimate = session.update(image.frame, image.stamp)
         taken = (time.perf_counter() - began) * 1e3
         yield Step(image, estimate, taken, started=first is not None)
         waiting = waiting and first is None

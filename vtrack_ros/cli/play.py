@@ -13,7 +13,7 @@ from typing import Any
 from vtrack_ros.bags import BagReader
 from vtrack_ros.bags.player import Pace, Played, Player
 from vtrack_ros.cli.arguments import duration, positive_number
-from vtrack_ros.ros.dds_profile import with_profile
+from vtrack_ros.dds import with_profile
 
 EXAMPLES = """examples:
   vtrack play bags/face_fast

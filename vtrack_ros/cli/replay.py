@@ -14,8 +14,8 @@ from vtrack_ros.bags.results import ResultFolder
 from vtrack_ros.cli.arguments import box, seed
 from vtrack_ros.drawing import Canvas, Film, TRUTH
 from vtrack_ros.evaluation.progress import ProgressBar
-from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
+from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import tracker_class, tracker_names
 
 EXAMPLES = """examples:
@@ -64,11 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(f'{arguments.tracker} has no parameter {unknown[0]!r}; valid are ' +
                          ', '.join(table))
     parameters = {name: table[name].parsed(text) for name, text in values.items()}
-    follower = Follower(arguments.tracker, arguments.seed, {arguments.tracker: parameters})
-    return _follow(arguments, follower)
+    session = TrackingSession(arguments.tracker, arguments.seed, {arguments.tracker: parameters})
+    return _follow(arguments, session)
 
 
-def _follow(arguments: argparse.Namespace, follower: Follower) -> int:
+def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
     malformed: list[str] = []
     with ExitStack() as stack:
         bag = stack.enter_context(BagReader(arguments.bag))
@@ -76,7 +76,7 @@ def _follow(arguments: argparse.Namespace, follower: Follower) -> int:
         if arguments.init is None and not any(truth.values()):
             raise ValueError(f'{arguments.bag} does not say where the target is: '
                              'give --init X,Y,WIDTH,HEIGHT')
-        steps = replay(bag.frames(topic.name, malformed), follower, truth, arguments.init)
+        steps = replay(bag.frames(topic.name, malformed), session, truth, arguments.init)
         results = film = None
         if arguments.out is not None:
             results = stack.enter_context(ResultFolder(arguments.out, arguments.bag))

@@ -12,12 +12,12 @@ from typing import Any
 
 from vtrack_ros.cli.arguments import box, negative_values, seed
 from vtrack_ros.cli.main import in_words, Parser
+from vtrack_ros.dds import reserve_domain
 from vtrack_ros.demo.pictures import draw_run
 from vtrack_ros.demo.processes import DemoError, run
 from vtrack_ros.demo.summary import summarise
 from vtrack_ros.evaluation.progress import ProgressBar
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.domain import reserve_domain
 from vtrack_ros.trackers import tracker_names
 
 _ROOT = Path(__file__).resolve().parents[2]

@@ -14,7 +14,7 @@ import threading
 import time
 from typing import Any
 
-from vtrack_ros.ros.dds_profile import with_profile
+from vtrack_ros.dds import with_profile
 
 #: How long a process may take to start or to end, in seconds.
 PATIENCE = 30.0
@@ -123,9 +123,9 @@ def run(node: Sequence[str], player: Sequence[str], record: Path,
     """
     children: list[Child] = []
     try:
-        tracker = Child('node', ['-m', 'vtrack_ros.node.main', '--ros-args', *node])
+        tracker = Child('node', ['-m', 'vtrack_ros.ros.main', '--ros-args', *node])
         children.append(tracker)
-        recorder = Child('recorder', ['-m', 'vtrack_ros.demo.recorder', '--out', str(record)])
+        recorder = Child('recorder', ['-m', 'vtrack_ros.ros.recorder', '--out', str(record)])
         children.append(recorder)
         deadline = time.monotonic() + PATIENCE
         while _next(recorder, 0.1) != 'ready':

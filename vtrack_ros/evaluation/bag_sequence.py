@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.evaluation.sequences import Sequence, SequenceError
-from vtrack_ros.follower import Cadence
 from vtrack_ros.frame import Frame
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
                             'that is absent has a row of NaN')
     rows = [boxes[stamp] for stamp in stamps]
     truth = np.array([np.full(4, np.nan) if box is None else box.as_array() for box in rows])
-    cadence = Cadence()
-    intervals = [1.0, *(cadence.step(after - before)
+    estimator = FrameIntervalEstimator()
+    intervals = [1.0, *(estimator.step(after - before)
                         for before, after in zip(stamps, stamps[1:]))]
     return BagSequence(path.resolve().stem, truth, path, name, first, np.array(intervals))

@@ -1,1 +1,1 @@
-"""What knows ROS messages: images, parameters, diagnostics."""
+"""The ROS 2 node; nothing outside this package imports rclpy, but the bag player."""

@@ -14,9 +14,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
 
+from vtrack_ros.geometry.camera import Position
+from vtrack_ros.messages.images import fill_image
 from vtrack_ros.ros import messages
-from vtrack_ros.ros.camera import Position
-from vtrack_ros.ros.images import fill_image
 from vtrack_ros.ros.qos import OutputFaults
 from vtrack_ros.trackers import Estimate, Frame
 

@@ -1,7 +1,7 @@
 """
 The parameters as files: config/*.yaml and docs/parameters.md, made from the one table.
 
-`python -m vtrack_ros.node.parameter_files` writes them afresh into the source tree.
+`python -m vtrack_ros.ros.parameter_files` writes them afresh into the source tree.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ with the reason and the valid range, and nothing changes.
     ros2 param describe /tracker gmpf.particles
 
 This page and the files `config/*.yaml` are made from the table in the code by
-`python -m vtrack_ros.node.parameter_files`.
+`python -m vtrack_ros.ros.parameter_files`.
 """
 
 

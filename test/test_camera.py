@@ -7,17 +7,16 @@ import pytest
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.camera import Camera, locate
-from vtrack_ros.trackers import Estimate, TrackState
+from vtrack_ros.geometry.camera import Camera, locate
+from vtrack_ros.messages.camera_info import camera_from_info
 
 PINHOLE = Camera(fx=500.0, fy=400.0, cx=319.5, cy=239.5, width=640, height=480)
 
 
-def estimate(cx, cy, width, height, covariance=None):
-    """Return a measured estimate."""
+def measured(cx, cy, width, height, covariance=None):
+    """Return a box and its covariance."""
     matrix = np.diag([4.0, 9.0, 1.0, 1.0]) if covariance is None else covariance
-    return Estimate(Box.from_center(cx, cy, width, height), 0.0, matrix, 1.0,
-                    TrackState.TRACKING)
+    return Box.from_center(cx, cy, width, height), matrix
 
 
 def info(**changes):
@@ -39,21 +38,21 @@ def test_pinhole_ray_in_exact_numbers():
     """
     assert PINHOLE.ray(320.0, 240.0) == (0.0, 0.0)
     assert PINHOLE.ray(420.0, 160.0) == (0.2, -0.2)
-    position = locate(estimate(420.0, 160.0, 50.0, 40.0), PINHOLE)
+    position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE)
     assert position.units == 'ray'
     assert position.point == pytest.approx([0.2, -0.2, 1.0], abs=1e-15)
 
 
 def test_pinhole_metres_in_exact_numbers():
     """A target 0.5 m wide that covers 50 px at fx = 500 px is 5 m away."""
-    position = locate(estimate(420.0, 160.0, 50.0, 40.0), PINHOLE, width=0.5)
+    position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE, width=0.5)
     assert position.units == 'metres'
     assert position.point == pytest.approx([1.0, -1.0, 5.0], abs=1e-12)
     # 0.8 m high, 40 px at fy = 400 px: 8 m.
-    position = locate(estimate(420.0, 160.0, 50.0, 40.0), PINHOLE, height=0.8)
+    position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE, height=0.8)
     assert position.point == pytest.approx([1.6, -1.6, 8.0], abs=1e-12)
     # The width counts where both are known.
-    position = locate(estimate(420.0, 160.0, 50.0, 40.0), PINHOLE, width=0.5, height=0.8)
+    position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE, width=0.5, height=0.8)
     assert position.point[2] == pytest.approx(5.0)
 
 
@@ -61,7 +60,7 @@ def test_pixels_without_calibration():
     """The centre of the box, z = 0, and the covariance of the centre."""
     covariance = np.arange(16.0).reshape(4, 4)
     covariance = covariance @ covariance.T + np.eye(4)
-    position = locate(estimate(12.5, 30.25, 8.0, 6.0, covariance), None)
+    position = locate(*measured(12.5, 30.25, 8.0, 6.0, covariance), None)
     assert position.units == 'pixels'
     assert list(position.point) == [12.5, 30.25, 0.0]
     assert np.array_equal(position.covariance[:2, :2], covariance[:2, :2])
@@ -70,17 +69,17 @@ def test_pixels_without_calibration():
 
 def test_units_that_cannot_be_had():
     """Nothing rather than something else."""
-    box = estimate(320.0, 240.0, 50.0, 40.0)
-    assert locate(box, None, 'ray') is None
-    assert locate(box, None, 'metres', width=1.0) is None
-    assert locate(box, PINHOLE, 'metres') is None
-    assert locate(box, PINHOLE, 'pixels', width=1.0).units == 'pixels'
-    assert locate(box, PINHOLE, 'ray', width=1.0).units == 'ray'
+    box = measured(320.0, 240.0, 50.0, 40.0)
+    assert locate(*box, None, 'ray') is None
+    assert locate(*box, None, 'metres', width=1.0) is None
+    assert locate(*box, PINHOLE, 'metres') is None
+    assert locate(*box, PINHOLE, 'pixels', width=1.0).units == 'pixels'
+    assert locate(*box, PINHOLE, 'ray', width=1.0).units == 'ray'
 
 
 def test_covariance_of_the_ray():
     """Variances divide by the focal lengths squared."""
-    position = locate(estimate(420.0, 160.0, 50.0, 40.0), PINHOLE)
+    position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE)
     assert np.diag(position.covariance) == pytest.approx([4 / 500**2, 9 / 400**2, 0], abs=1e-12)
 
 
@@ -88,9 +87,9 @@ def test_covariance_in_metres_against_a_sample():
     """To first order it's what comes out when boxes are drawn and put through the camera."""
     covariance = np.array([[.04, .01, 0, 0], [.01, .09, 0, 0], [0, 0, .0625, 0], [0, 0, 0, .01]])
     mean = np.array([420.0, 160.0, 50.0, 40.0])
-    position = locate(estimate(*mean, covariance), PINHOLE, width=0.5)
+    position = locate(*measured(*mean, covariance), PINHOLE, width=0.5)
     boxes = np.random.default_rng(0).multivariate_normal(mean, covariance, 20000)
-    points = np.array([locate(estimate(*box), PINHOLE, width=0.5).point for box in boxes[:4000]])
+    points = np.array([locate(*measured(*box), PINHOLE, width=0.5).point for box in boxes[:4000]])
     sample = np.cov(points.T)
     scale = np.sqrt(np.outer(np.diag(sample), np.diag(sample)))
     # The standard error of a covariance from 4000 draws is below 2.3 % of that scale.
@@ -134,8 +133,8 @@ def test_depth_through_a_distorting_lens():
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480, 'plumb_bob', (-0.3, 0.1, 0.0, 0.0))
     left, right = camera.project(1.0 / 4, 0.5 / 4), camera.project(1.6 / 4, 0.5 / 4)
     width = right[0] - left[0]
-    box = estimate((left[0] + right[0]) / 2, (left[1] + right[1]) / 2, width, 10.0)
-    position = locate(box, camera, width=0.6)
+    box = measured((left[0] + right[0]) / 2, (left[1] + right[1]) / 2, width, 10.0)
+    position = locate(*box, camera, width=0.6)
     assert position.point[2] == pytest.approx(4.0, rel=1e-3)
     # The middle of the box isn't quite the picture of the target's middle.
     assert position.point[:2] == pytest.approx([1.3, 0.5], abs=0.01)
@@ -145,7 +144,7 @@ def test_from_message_with_binning_and_region():
     """The image may be a binned part of the sensor."""
     message = info(binning_x=2, binning_y=2, roi=RegionOfInterest(
         x_offset=100, y_offset=80, width=400, height=300))
-    camera = Camera.from_message(message)
+    camera = camera_from_info(message)
     assert (camera.width, camera.height) == (200, 150)
     # Sensor (320, 240) as boxes count is the optical axis: ((320 - 100) / 2, (240 - 80) / 2).
     assert camera.ray(110.0, 80.0) == pytest.approx((0.0, 0.0), abs=1e-15)
@@ -163,7 +162,7 @@ def test_from_message_with_binning_and_region():
 def test_wrong_calibration(changes, words):
     """A calibration that says nothing is refused with the reason."""
     with pytest.raises(ValueError, match=words):
-        Camera.from_message(info(**changes))
+        camera_from_info(info(**changes))
 
 
 @pytest.mark.parametrize('coefficients', [(), (-0.3, 0.1, 0.001, -0.0005, -0.02)])
@@ -178,11 +177,11 @@ def test_covariance_is_the_derivative_of_the_place(coefficients, size):
     columns = []
     for index in range(4):
         step = np.eye(4)[index] * 1e-4
-        places = [locate(estimate(*(mean + sign * step)), camera, **size).point
+        places = [locate(*measured(*(mean + sign * step)), camera, **size).point
                   for sign in (1, -1)]
         columns.append((places[0] - places[1]) / 2e-4)
     slope = np.stack(columns, axis=1)
-    position = locate(estimate(*mean, covariance), camera, **size)
+    position = locate(*measured(*mean, covariance), camera, **size)
     expected = slope @ covariance @ slope.T
     assert position.covariance == pytest.approx(expected, rel=1e-5, abs=1e-9)
 
@@ -193,4 +192,4 @@ def test_a_box_that_no_ray_sees():
     # r (1 - 0.3 r^2) is at most 0.703, at r = 1.054: nothing is farther than 351 px out.
     assert all(map(math.isnan, camera.ray(320.0 + 360.0, 240.0)))
     assert not any(map(math.isnan, camera.ray(320.0 + 340.0, 240.0)))
-    assert locate(estimate(320.0 + 360.0, 240.0, 10.0, 10.0), camera, width=0.5) is None
+    assert locate(*measured(320.0 + 360.0, 240.0, 10.0, 10.0), camera, width=0.5) is None

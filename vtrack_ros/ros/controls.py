@@ -9,7 +9,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import RegionOfInterest
 from std_srvs.srv import SetBool, Trigger
 
-from vtrack_ros.node.target import Target
+from vtrack_ros.ros.target import Target
 
 
 class Controls:

@@ -1,14 +1,19 @@
-"""The Fast DDS profile: shared memory large enough for images."""
+"""What DDS reads from the environment: the profile of its shared memory, and the domain."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+import os
 from pathlib import Path
+import socket
 
 #: What Fast DDS reads the profile's path from: the old and the new name.
 VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 #: The profile, and its variant with less memory for a process that sends no images.
 PROFILE, RECEIVING = 'fastdds.xml', 'fastdds_node.xml'
+
+_FIRST_PORT = 32768
+_DOMAINS = range(1, 101)
 
 
 def profile_path() -> Path:
@@ -22,7 +27,7 @@ def profile_path() -> Path:
 
     """
     here = Path(__file__).resolve()
-    places = [here.parents[2], *(folder / 'share' / 'vtrack_ros' for folder in here.parents)]
+    places = [here.parents[1], *(folder / 'share' / 'vtrack_ros' for folder in here.parents)]
     for place in places:
         path = place / 'config' / PROFILE
         if path.is_file():
@@ -54,3 +59,34 @@ def with_profile(environment: Mapping[str, str]) -> dict[str, str]:
     if not any(result.get(name) for name in VARIABLES):
         result.update(dict.fromkeys(VARIABLES, str(profile_path())))
     return result
+
+
+def reserve_domain() -> socket.socket:
+    """
+    Take a DDS domain that nobody else on this machine has, for this process and its children.
+
+    By the convention of ROS's own domain_coordinator: whoever holds the domain's port has the
+    domain, until the returned socket is closed or the process ends.
+
+    Returns
+    -------
+    socket.socket
+        To be kept as long as the domain is needed.
+
+    Raises
+    ------
+    RuntimeError
+        If all domains from 1 to 100 are taken.
+
+    """
+    for domain in _DOMAINS:
+        guard = socket.socket()
+        try:
+            guard.bind(('', _FIRST_PORT + domain))
+        except OSError:
+            guard.close()
+            continue
+        os.environ['ROS_DOMAIN_ID'] = str(domain)
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        return guard
+    raise RuntimeError('all DDS domains from 1 to 100 are taken by other processes')

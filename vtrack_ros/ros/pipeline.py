@@ -10,17 +10,18 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vtrack_ros.node.controls import Controls
-from vtrack_ros.node.health import Health
-from vtrack_ros.node.quiet_log import QuietLog
-from vtrack_ros.node.target import Target
-from vtrack_ros.node.view import DebugView
+from vtrack_ros.geometry.camera import Camera, locate, Position
+from vtrack_ros.messages.camera_info import camera_from_info
+from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
 from vtrack_ros.ros import messages
-from vtrack_ros.ros.camera import Camera, locate, Position
-from vtrack_ros.ros.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.ros.controls import Controls
+from vtrack_ros.ros.health import Health
 from vtrack_ros.ros.outputs import optional, Outputs
 from vtrack_ros.ros.parameters import ParameterServer, Settings
 from vtrack_ros.ros.qos import ImageInput
+from vtrack_ros.ros.quiet_log import QuietLog
+from vtrack_ros.ros.target import Target
+from vtrack_ros.ros.view import DebugView
 from vtrack_ros.trackers import Estimate, Frame
 
 
@@ -141,8 +142,8 @@ class Pipeline:
                 f'{width} x {height}: it is not used')
             camera = None
         units = settings.text('pose_units')
-        position = locate(estimate, camera, units, settings.number('target_width'),
-                          settings.number('target_height'))
+        position = locate(estimate.box, estimate.covariance, camera, units,
+                          settings.number('target_width'), settings.number('target_height'))
         if position is None:
             needed = 'camera_info of the image, a box within the reach of its lens model'
             if units == 'metres':
@@ -188,7 +189,7 @@ class Pipeline:
 
     def _on_camera_info(self, message: CameraInfo) -> None:
         try:
-            self._camera = Camera.from_message(message)
+            self._camera = camera_from_info(message)
         except ValueError as error:
             self._camera = None
             pixels = self._server.settings.text('pose_units') in ('auto', 'pixels')

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from vtrack_ros.follower import Cadence, Follower, LONGEST_STEP
 from vtrack_ros.geometry import Box
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
+from vtrack_ros.session.session import LONGEST_STEP, TrackingSession
 from vtrack_ros.trackers import Estimate, tracker_names, TrackState
 
 STEP = 33_333_333
@@ -45,59 +46,59 @@ class Script:
 
 def test_cadence_counts_frame_intervals():
     """A gap of two intervals is two steps; jitter and the gap itself move nothing."""
-    cadence = Cadence()
-    assert [cadence.step(100 + jitter) for jitter in (0, 5, -5, 2)] == [1, 1, 1, 1]
-    assert cadence.step(201) == 2
-    assert cadence.step(99) == 1
-    assert cadence.step(510) == 5
+    estimator = FrameIntervalEstimator()
+    assert [estimator.step(100 + jitter) for jitter in (0, 5, -5, 2)] == [1, 1, 1, 1]
+    assert estimator.step(201) == 2
+    assert estimator.step(99) == 1
+    assert estimator.step(510) == 5
 
 
 def test_no_target_no_estimate():
     """Without a start nothing is said."""
-    follower = Follower()
-    assert follower.update(frame(), 5) is None
-    assert follower.estimate is None and follower.sighting is None
-    assert follower.restart() is None
+    session = TrackingSession()
+    assert session.update(frame(), 5) is None
+    assert session.estimate is None and session.last_measurement is None
+    assert session.restart() is None
 
 
 @pytest.mark.parametrize('tracker', tracker_names())
 def test_same_seed_same_boxes(tracker):
-    """Two followers of the same seed say the same, bit for bit."""
+    """Two sessions of the same seed say the same, bit for bit."""
     runs = []
     for _ in range(2):
-        follower = Follower(tracker, seed=3)
-        follower.start(frame(0), 0, box(0))
-        runs.append([follower.update(frame(i), i * STEP).box for i in range(1, 6)])
+        session = TrackingSession(tracker, seed=3)
+        session.start(frame(0), 0, box(0))
+        runs.append([session.update(frame(i), i * STEP).box for i in range(1, 6)])
     assert runs[0] == runs[1]
 
 
 def test_backwards_ends_it():
     """A stamp before the last one means another stream."""
-    follower = Follower()
-    follower.start(frame(0), 1000, box(0))
-    assert follower.update(frame(1), 2000) is not None
-    assert follower.update(frame(2), 1999) is None
-    assert follower.estimate is None
-    assert follower.update(frame(3), 3000) is None
+    session = TrackingSession()
+    session.start(frame(0), 1000, box(0))
+    assert session.update(frame(1), 2000) is not None
+    assert session.update(frame(2), 1999) is None
+    assert session.estimate is None
+    assert session.update(frame(3), 3000) is None
 
 
 def test_another_size_ends_it():
     """So does a frame of another size, or of another number of channels."""
     for other in (frame(1, height=80), np.ascontiguousarray(frame(1)[..., 0])):
-        follower = Follower()
-        follower.start(frame(0), 0, box(0))
-        assert follower.update(other, STEP) is None
-        assert follower.estimate is None
+        session = TrackingSession()
+        session.start(frame(0), 0, box(0))
+        assert session.update(other, STEP) is None
+        assert session.estimate is None
 
 
 def test_steps_in_frame_intervals(monkeypatch):
     """Dropped frames make longer steps, pauses don't make endless ones, equal stamps are one."""
     script = Script([])
-    monkeypatch.setattr('vtrack_ros.follower.create_tracker', lambda *a, **k: script)
-    follower = Follower()
-    follower.start(frame(), 0, box())
+    monkeypatch.setattr('vtrack_ros.session.session.create_tracker', lambda *a, **k: script)
+    session = TrackingSession()
+    session.start(frame(), 0, box())
     for stamp in (1, 2, 3, 4, 4, 6, 10**6):
-        assert follower.update(frame(), stamp * STEP) is not None
+        assert session.update(frame(), stamp * STEP) is not None
     assert script.steps == [1, 1, 1, 1, 1, 2, LONGEST_STEP]
 
 
@@ -111,50 +112,50 @@ def test_restart_goes_back_to_the_last_good_look(monkeypatch):
             started.append((frame, box))
             return super().start(frame, box)
 
-    monkeypatch.setattr('vtrack_ros.follower.create_tracker', lambda *a, **k: Witness(
+    monkeypatch.setattr('vtrack_ros.session.session.create_tracker', lambda *a, **k: Witness(
         [TrackState.TRACKING, TrackState.SEARCHING, TrackState.LOST]))
-    follower = Follower()
+    session = TrackingSession()
     frames = [frame(i) for i in range(4)]
-    follower.start(frames[0], 0, box(0))
+    session.start(frames[0], 0, box(0))
     for index in (1, 2, 3):
-        follower.update(frames[index], index * STEP)
-    assert follower.estimate.state is TrackState.LOST
-    assert follower.sighting.frame is frames[1]
-    follower.restart()
+        session.update(frames[index], index * STEP)
+    assert session.estimate.state is TrackState.LOST
+    assert session.last_measurement.frame is frames[1]
+    session.restart()
     assert started[-1][0] is frames[1] and started[-1][1] == Box(50, 30, 24, 24)
 
 
 @pytest.mark.parametrize('tracker', tracker_names())
 def test_another_tracker_keeps_the_target(tracker):
     """Every tracker takes over where the one before was."""
-    follower = Follower('pf')
-    follower.start(frame(0), 0, box(0))
-    follower.update(frame(1), STEP)
-    follower.change(tracker=tracker)
-    assert follower.tracker == tracker
-    estimate = follower.update(frame(2), 2 * STEP)
+    session = TrackingSession('pf')
+    session.start(frame(0), 0, box(0))
+    session.update(frame(1), STEP)
+    session.change(tracker=tracker)
+    assert session.tracker == tracker
+    estimate = session.update(frame(2), 2 * STEP)
     assert estimate.box.iou(box(2)) > 0.3
 
 
 def test_changed_parameters_are_in_force_on_the_next_frame():
     """The number of particles is that of the next estimate, and the target stays."""
-    follower = Follower('gmpf', parameters={'gmpf': {'particles': 50}})
-    follower.start(frame(0), 0, box(0))
-    assert len(follower.update(frame(1), STEP).particles) == 50
-    follower.change(parameters={'gmpf': {'particles': 80}})
-    estimate = follower.update(frame(2), 2 * STEP)
+    session = TrackingSession('gmpf', parameters={'gmpf': {'particles': 50}})
+    session.start(frame(0), 0, box(0))
+    assert len(session.update(frame(1), STEP).particles) == 50
+    session.change(parameters={'gmpf': {'particles': 80}})
+    estimate = session.update(frame(2), 2 * STEP)
     assert len(estimate.particles) == 80
     assert estimate.box.iou(box(2)) > 0.3
 
 
 def test_parameters_of_another_tracker_wait_for_it():
     """What isn't running takes its values when it's started."""
-    follower = Follower('gmpf')
-    follower.start(frame(0), 0, box(0))
-    follower.change(parameters={'pf': {'particles': 33}})
-    assert follower.tracker == 'gmpf'
-    follower.change(tracker='pf')
-    assert len(follower.update(frame(1), STEP).particles) == 33
+    session = TrackingSession('gmpf')
+    session.start(frame(0), 0, box(0))
+    session.change(parameters={'pf': {'particles': 33}})
+    assert session.tracker == 'gmpf'
+    session.change(tracker='pf')
+    assert len(session.update(frame(1), STEP).particles) == 33
 
 
 @pytest.mark.parametrize('change, error', [
@@ -167,30 +168,30 @@ def test_parameters_of_another_tracker_wait_for_it():
 ])
 def test_wrong_changes_change_nothing(change, error):
     """One wrong value, and nothing is changed at all."""
-    follower, untouched = Follower('gmpf', seed=4), Follower('gmpf', seed=4)
-    for one in (follower, untouched):
+    session, untouched = TrackingSession('gmpf', seed=4), TrackingSession('gmpf', seed=4)
+    for one in (session, untouched):
         one.start(frame(0), 0, box(0))
     with pytest.raises(error):
-        follower.change(**change)
-    assert follower.tracker == 'gmpf'
+        session.change(**change)
+    assert session.tracker == 'gmpf'
     for index in range(1, 4):
-        assert (follower.update(frame(index), index * STEP).box
+        assert (session.update(frame(index), index * STEP).box
                 == untouched.update(frame(index), index * STEP).box)
 
 
 def test_a_new_seed_counts_from_the_next_start():
     """The run that is on goes on as it was."""
-    follower, untouched = Follower('gmpf', seed=4), Follower('gmpf', seed=4)
-    for one in (follower, untouched):
+    session, untouched = TrackingSession('gmpf', seed=4), TrackingSession('gmpf', seed=4)
+    for one in (session, untouched):
         one.start(frame(0), 0, box(0))
-    follower.change(seed=5)
-    assert follower.update(frame(1), STEP).box == untouched.update(frame(1), STEP).box
-    follower.start(frame(0), 0, box(0))
-    assert follower.update(frame(1), STEP).box == fresh_run(5)
+    session.change(seed=5)
+    assert session.update(frame(1), STEP).box == untouched.update(frame(1), STEP).box
+    session.start(frame(0), 0, box(0))
+    assert session.update(frame(1), STEP).box == fresh_run(5)
 
 
 def fresh_run(seed):
-    """Return the first tracked box of a fresh follower."""
-    follower = Follower('gmpf', seed=seed)
-    follower.start(frame(0), 0, box(0))
-    return follower.update(frame(1), STEP).box
+    """Return the first tracked box of a fresh session."""
+    session = TrackingSession('gmpf', seed=seed)
+    session.start(frame(0), 0, box(0))
+    return session.update(frame(1), STEP).box

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from vtrack_ros.follower import Follower
 from vtrack_ros.geometry import Box
-from vtrack_ros.node.quiet_log import Log, QuietLog
-from vtrack_ros.ros.history import FrameHistory
+from vtrack_ros.messages.selections import best_detection, from_detection, from_roi
 from vtrack_ros.ros.parameters import INIT_BOX, Settings
-from vtrack_ros.ros.selection import (
-    best_detection, from_detection, from_roi, Selection, Selector)
+from vtrack_ros.ros.quiet_log import Log, QuietLog
+from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.selection import Selection, Selector
+from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, TrackState
 
 _FROM_PARAMETER = f'parameter {INIT_BOX}'
@@ -34,7 +34,7 @@ class Target:
         self._settings = settings
         self._log = log
         self._quiet = QuietLog(log)
-        self._follower = Follower(
+        self._session = TrackingSession(
             settings.text('tracker'), int(settings.number('seed')), settings.trackers)
         self._history = FrameHistory(
             settings.number('history_seconds'), settings.number('history_megabytes'))
@@ -48,12 +48,12 @@ class Target:
     @property
     def tracker(self) -> str:
         """Return the name of the tracker in use."""
-        return self._follower.tracker
+        return self._session.tracker
 
     @property
     def estimate(self) -> Estimate | None:
         """Return the latest estimate; None while there is no target."""
-        return self._follower.estimate
+        return self._session.estimate
 
     @property
     def word(self) -> str:
@@ -83,12 +83,12 @@ class Target:
         self._history.append(stamp, frame)
         before = self.estimate
         try:
-            estimate = self._started() or self._follower.update(frame, stamp)
+            estimate = self._started() or self._session.update(frame, stamp)
         except Exception as error:
             # Whatever a tracker comes across in the pixels, the node must outlive it.
             self._quiet.error(f'tracker {self.tracker} failed, the target is forgotten: '
                               f'{type(error).__name__}: {error}')
-            self._follower.forget()
+            self._session.forget()
             return None
         if before is not None and estimate is None:
             self._log.warning(f'{_change(shape, frame.shape)}: the target is forgotten')
@@ -124,12 +124,12 @@ class Target:
 
     def forget(self) -> None:
         """Give the target up, and any that was about to be one."""
-        self._follower.forget()
+        self._session.forget()
         self._selector.clear()
 
     def restart(self) -> Estimate | None:
         """Learn the target afresh where it was last measured; None where there's none."""
-        return self._follower.restart()
+        return self._session.restart()
 
     def change(self, settings: Settings, changes: Settings, names: Sequence[str]) -> None:
         """
@@ -148,7 +148,7 @@ class Target:
         self._settings = settings
         tracker, seed = changes.node.get('tracker'), changes.node.get('seed')
         had_target = self.estimate is not None
-        self._follower.change(
+        self._session.change(
             None if tracker is None else str(tracker), None if seed is None else int(seed),
             changes.trackers)
         if had_target and self.estimate is None:
@@ -185,12 +185,12 @@ class Target:
                 return None
             selection, frames = ready
             (stamp, frame), later = frames[0], frames[1:]
-            self._follower.start(frame, stamp, selection.box_on(frame))
+            self._session.start(frame, stamp, selection.box_on(frame))
         except ValueError as error:
             self._refuse(source, error)
             return None
         for stamp, frame in later:
-            self._follower.update(frame, stamp)
+            self._session.update(frame, stamp)
         self._count += 1
         self.identity = (selection.class_id or 'target', selection.target_id or str(self._count))
         box = selection.box

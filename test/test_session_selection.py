@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.history import FrameHistory
-from vtrack_ros.ros.selection import LEAST_SIDE, Selection, Selector
+from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.selection import LEAST_SIDE, Selection, Selector
 
 SECOND = 10**9
 

@@ -7,9 +7,9 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.node import Node
 
-from vtrack_ros.node.pipeline import Pipeline
-from vtrack_ros.node.quiet_log import Log
 from vtrack_ros.ros.parameters import ParameterServer, TellingNode
+from vtrack_ros.ros.pipeline import Pipeline
+from vtrack_ros.ros.quiet_log import Log
 
 
 class TrackerLifecycleNode(TellingNode, LifecycleNode):

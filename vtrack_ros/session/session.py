@@ -2,46 +2,21 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from statistics import median
 from typing import Any
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
-
 
 #: A longer gap than this, in frames, says nothing about how far a target moved.
 LONGEST_STEP = 30.0
 
 
-class Cadence:
-    """
-    Tells how many frame intervals passed between two stamps.
-
-    The interval is the median of the latest ones, so that neither jitter nor a dropped frame
-    moves it.
-
-    Parameters
-    ----------
-    memory : int
-        How many intervals the median is taken over.
-
-    """
-
-    def __init__(self, memory: int = 15) -> None:
-        self._intervals: deque[int] = deque(maxlen=memory)
-
-    def step(self, interval: int) -> float:
-        """Return the number of frame intervals in `interval` nanoseconds: a whole number >= 1."""
-        self._intervals.append(interval)
-        return float(max(1, round(interval / max(1, median(self._intervals)))))
-
-
 @dataclass(frozen=True)
-class Sighting:
+class LastMeasurement:
     """
     Where and when the target was last measured, and what it looked like.
 
@@ -61,12 +36,12 @@ class Sighting:
     box: Box
 
 
-class Follower:
+class TrackingSession:
     """
     Runs the chosen tracker over stamped frames and keeps the target through every change.
 
     A stamp that goes backwards (a bag that loops, a clock that was set back) or a frame of another
-    size ends the tracking: the follower then has no target until it's started again. A stamp that
+    size ends the tracking: the session then has no target until it's started again. A stamp that
     stands still (a driver that doesn't stamp) counts as one frame interval.
 
     Parameters
@@ -96,8 +71,8 @@ class Follower:
         self._estimate: Estimate | None = None
         self._frame: Frame | None = None
         self._stamp = 0
-        self._sighting: Sighting | None = None
-        self._cadence = Cadence()
+        self._last_measurement: LastMeasurement | None = None
+        self._interval = FrameIntervalEstimator()
 
     @property
     def tracker(self) -> str:
@@ -110,9 +85,9 @@ class Follower:
         return self._estimate
 
     @property
-    def sighting(self) -> Sighting | None:
+    def last_measurement(self) -> LastMeasurement | None:
         """Return the latest measured box with its frame; None while there is no target."""
-        return self._sighting
+        return self._last_measurement
 
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
         """
@@ -132,8 +107,8 @@ class Follower:
         estimate = tracker.start(frame, box)
         self._tracker, self._estimate, self._frame = tracker, estimate, frame
         self._stamp = stamp
-        self._sighting = Sighting(frame, stamp, box)
-        self._cadence = Cadence()
+        self._last_measurement = LastMeasurement(frame, stamp, box)
+        self._interval = FrameIntervalEstimator()
         return estimate
 
     def update(self, frame: Frame, stamp: int) -> Estimate | None:
@@ -154,16 +129,16 @@ class Follower:
             self.forget()
             return None
         interval = stamp - self._stamp
-        dt = min(self._cadence.step(interval), LONGEST_STEP) if interval else 1.0
+        dt = min(self._interval.step(interval), LONGEST_STEP) if interval else 1.0
         self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
         if self._estimate.measured:
-            self._sighting = Sighting(frame, stamp, self._estimate.box)
+            self._last_measurement = LastMeasurement(frame, stamp, self._estimate.box)
         return self._estimate
 
     def forget(self) -> None:
         """Give up the target."""
-        self._estimate = self._frame = self._sighting = None
+        self._estimate = self._frame = self._last_measurement = None
 
     def restart(self) -> Estimate | None:
         """
@@ -175,7 +150,8 @@ class Follower:
             None where there is no target.
 
         """
-        seen, frame, stamp, cadence = self._sighting, self._frame, self._stamp, self._cadence
+        seen, interval = self._last_measurement, self._interval
+        frame, stamp = self._frame, self._stamp
         if seen is None or frame is None:
             return None
         try:
@@ -184,7 +160,7 @@ class Follower:
             # A tracker may measure a box beyond the border, where no other one can begin.
             self.forget()
             return None
-        self._cadence = cadence
+        self._interval = interval
         return self._estimate if frame is seen.frame else self.update(frame, stamp)
 
     def change(self, tracker: str | None = None, seed: int | None = None,

@@ -9,7 +9,7 @@ import sys
 from types import FrameType
 from typing import Any
 
-from vtrack_ros.ros.dds_profile import receiving_profile
+from vtrack_ros.dds import receiving_profile
 
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -28,7 +28,7 @@ docs/node.md describes the topics, docs/parameters.md the parameters."""
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the plain node until it's told to end; return the exit code."""
     def create() -> Any:
-        from vtrack_ros.node.tracker_node import TrackerNode
+        from vtrack_ros.ros.tracker_node import TrackerNode
         return TrackerNode()
     return run(create, arguments)
 
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def lifecycle_main(arguments: Sequence[str] | None = None) -> int:
     """Run the managed node until it's told to end; return the exit code."""
     def create() -> Any:
-        from vtrack_ros.node.lifecycle import TrackerLifecycleNode
+        from vtrack_ros.ros.lifecycle import TrackerLifecycleNode
         return TrackerLifecycleNode()
     return run(create, arguments)
 
@@ -89,7 +89,7 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     import rclpy.utilities
 
-    from vtrack_ros.node.quiet_log import QuietLog
+    from vtrack_ros.ros.quiet_log import QuietLog
 
     words = list(sys.argv if arguments is None else arguments)
     cv2.setNumThreads(1)

@@ -1,14 +1,11 @@
-"""Selecting the target: boxes out of messages, started on the frames they were drawn on."""
+"""Selecting the target: boxes, started on the frames that they were drawn on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-import math
-from typing import Any
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.history import FrameHistory, seconds
-from vtrack_ros.ros.images import stamp_nanoseconds
+from vtrack_ros.session.history import FrameHistory, seconds
 from vtrack_ros.trackers import Frame
 
 #: How far ahead of the frames a selection may be however few are kept, in nanoseconds.
@@ -67,97 +64,6 @@ class Selection:
             raise ValueError(f'{name} is too small; width and height must be at least '
                              f'{LEAST_SIDE:g} px')
         return box
-
-
-def from_detection(message: Any, source: str) -> Selection:
-    """
-    Return the selection that a vision_msgs/msg/Detection2D makes.
-
-    A rotated box stands for its axis-aligned bound.
-
-    Raises
-    ------
-    ValueError
-        If the box isn't finite, or its size isn't positive.
-
-    """
-    bounds = message.bbox
-    center, theta = bounds.center.position, float(bounds.center.theta)
-    width, height = float(bounds.size_x), float(bounds.size_y)
-    given = {'center x': float(center.x), 'center y': float(center.y), 'theta': theta,
-             'size_x': width, 'size_y': height}
-    for name, value in given.items():
-        if not math.isfinite(value):
-            raise ValueError(f'box {name} must be finite, not {value}')
-    if theta and width > 0 and height > 0:
-        cosine, sine = abs(math.cos(theta)), abs(math.sin(theta))
-        width, height = width * cosine + height * sine, width * sine + height * cosine
-    box = Box.from_center(float(center.x), float(center.y), width, height)
-    stamp = stamp_nanoseconds(message.header.stamp)
-    best = best_hypothesis(message)
-    return Selection(box, source, stamp or None, class_id=best[0], target_id=str(message.id))
-
-
-def from_roi(message: Any, source: str) -> Selection:
-    """
-    Return the selection that a sensor_msgs/msg/RegionOfInterest makes.
-
-    Raises
-    ------
-    ValueError
-        If its size is zero.
-
-    """
-    box = Box(message.x_offset, message.y_offset, message.width, message.height)
-    return Selection(box, source, clamp=True)
-
-
-def best_hypothesis(detection: Any) -> tuple[str, float]:
-    """Return class and score of a detection's best hypothesis; '' and 0 where it has none."""
-    scored = [(float(result.hypothesis.score), str(result.hypothesis.class_id))
-              for result in detection.results]
-    if not scored:
-        return '', 0.0
-    score, class_id = max(scored)
-    return class_id, score
-
-
-def best_detection(message: Any, class_id: str, score: float, source: str) -> Selection | None:
-    """
-    Return the best detection of a class as a selection.
-
-    Parameters
-    ----------
-    message : vision_msgs/msg/Detection2DArray
-        What a detector found.
-    class_id : str
-        The class; empty: any.
-    score : float
-        The least score.
-    source : str
-        For messages.
-
-    Returns
-    -------
-    Selection or None
-        None where none is good enough.
-
-    """
-    found: list[tuple[float, Selection]] = []
-    for detection in message.detections:
-        scores = [float(result.hypothesis.score) for result in detection.results
-                  if class_id in ('', result.hypothesis.class_id)]
-        if not scores or not max(scores) >= score:
-            continue
-        try:
-            selection = from_detection(detection, source)
-        except ValueError:
-            continue
-        stamp = selection.stamp or stamp_nanoseconds(message.header.stamp) or None
-        name = class_id or selection.class_id
-        found.append((max(scores), Selection(
-            selection.box, source, stamp, True, name, selection.target_id)))
-    return max(found, key=lambda pair: pair[0])[1] if found else None
 
 
 class Selector:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from vtrack_ros.node.pipeline import Pipeline
 from vtrack_ros.ros.parameters import ParameterServer, TellingNode
+from vtrack_ros.ros.pipeline import Pipeline
 
 
 class TrackerNode(TellingNode):

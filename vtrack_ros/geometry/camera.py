@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.geometry import Box
-from vtrack_ros.trackers import Estimate
+from vtrack_ros.geometry.box import Box
 
 Vector = NDArray[np.float64]
 
@@ -70,41 +68,6 @@ class Camera:
     coefficients: tuple[float, ...] = ()
     offset: tuple[float, float] = (0.0, 0.0)
     binning: tuple[float, float] = (1.0, 1.0)
-
-    @classmethod
-    def from_message(cls, message: Any) -> Camera:
-        """
-        Read a sensor_msgs/msg/CameraInfo.
-
-        Raises
-        ------
-        ValueError
-            If it isn't calibrated, or its distortion model is unknown.
-
-        """
-        matrix = [float(value) for value in message.k]
-        if not all(map(math.isfinite, matrix)) or matrix[0] <= 0 or matrix[4] <= 0:
-            raise ValueError(
-                f'camera_info is not calibrated: fx and fy of k are {matrix[0]:g} and '
-                f'{matrix[4]:g}, but must be positive')
-        coefficients = tuple(float(value) for value in message.d)
-        model = message.distortion_model
-        if not any(coefficients):
-            model, coefficients = 'plumb_bob', ()
-        elif model not in MODELS:
-            raise ValueError(f'camera_info has the unknown distortion model {model!r}; valid are '
-                             + ', '.join(MODELS))
-        elif len(coefficients) not in MODELS[model] or not all(map(math.isfinite, coefficients)):
-            raise ValueError(
-                f'camera_info has {len(coefficients)} distortion coefficients; {model} needs '
-                + ' or '.join(map(str, MODELS[model])) + ' finite ones')
-        roi = message.roi
-        binning = (max(1, message.binning_x), max(1, message.binning_y))
-        width, height = roi.width or message.width, roi.height or message.height
-        return cls(matrix[0], matrix[4], matrix[2], matrix[5],
-                   int(width) // binning[0], int(height) // binning[1], model, coefficients,
-                   (float(roi.x_offset), float(roi.y_offset)),
-                   (float(binning[0]), float(binning[1])))
 
     def project(self, x: float, y: float) -> tuple[float, float]:
         """
@@ -211,15 +174,17 @@ class Camera:
                 y * radial + d[2] * (squared + 2 * y * y) + 2 * d[3] * x * y)
 
 
-def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
+def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str = 'auto',
            width: float = 0.0, height: float = 0.0) -> Position | None:
     """
     Return where the target is, with the box's covariance carried through to first order.
 
     Parameters
     ----------
-    estimate : Estimate
-        The box and its covariance.
+    box : Box
+        Where the target is on the image.
+    box_covariance : ndarray, shape (4, 4), [px^2]
+        Over centre x, centre y, width, height.
     camera : Camera or None
         None: not calibrated.
     units : {'auto', 'pixels', 'ray', 'metres'}
@@ -239,11 +204,10 @@ def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
         units = 'pixels' if camera is None else 'metres' if sized else 'ray'
     if units == 'pixels':
         covariance = np.zeros((3, 3))
-        covariance[:2, :2] = estimate.covariance[:2, :2]
-        return Position(np.array([*estimate.box.center, 0.0]), covariance, units)
+        covariance[:2, :2] = box_covariance[:2, :2]
+        return Position(np.array([*box.center, 0.0]), covariance, units)
     if camera is None or (units == 'metres' and not sized):
         return None
-    box: Box = estimate.box
     cx, cy = box.center
     ray, slope = camera.ray_and_slope(cx, cy)
     direction = np.array([*ray, 1.0])
@@ -258,7 +222,7 @@ def locate(estimate: Estimate, camera: Camera | None, units: str = 'auto',
     if not np.isfinite(point).all() or depth <= 0:
         return None
     total = depth * bend + np.outer(direction, change)
-    return Position(point, total @ estimate.covariance @ total.T, units)
+    return Position(point, total @ box_covariance @ total.T, units)
 
 
 def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:

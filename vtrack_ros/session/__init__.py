@@ -1,0 +1,1 @@
+"""Following one target through stamped frames; no ROS."""
