@@ -1,12 +1,20 @@
-"""Install the ROS 2 package vtrack_ros; name and version come from package.xml."""
+"""
+Install the ROS 2 package vtrack_ros.
+
+Name, version, maintainers and addresses come from package.xml, what it needs from requirements/.
+colcon and rosdep go by package.xml alone; pip by what stands here.
+"""
 
 from glob import glob
 from os.path import isfile
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-manifest = ElementTree.parse('package.xml').getroot()
+# colcon build --symlink-install runs a link to this file in a folder without the rest.
+sources = Path(__file__).resolve().parent
+manifest = ElementTree.parse(sources / 'package.xml').getroot()
 name = manifest.findtext('name', '')
 maintainer = manifest.find('maintainer')
 
@@ -16,13 +24,36 @@ def files(pattern: str) -> list[str]:
     return sorted(path for path in glob(pattern) if isfile(path))
 
 
+def required(*lists: str) -> list[str]:
+    """Return what some files of requirements/ list."""
+    lines = [line for each in lists
+             for line in (sources / 'requirements' / f'{each}.txt').read_text().splitlines()]
+    return [line for line in lines if line and not line.startswith('#')]
+
+
 setup(
     name=name,
     version=manifest.findtext('version'),
     description=' '.join(manifest.findtext('description', '').split()),
+    long_description=(sources / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
     license=manifest.findtext('license'),
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
+    project_urls={url.get('type', 'website').capitalize(): url.text
+                  for url in manifest.iterfind('url')},
+    keywords=['tracking', 'particle filter', 'correlation filter', 'computer vision', 'ROS'],
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Intended Audience :: Developers',
+        'Intended Audience :: Science/Research',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+        'Topic :: Scientific/Engineering :: Image Recognition',
+        'Typing :: Typed',
+    ],
     packages=find_packages(include=[name, f'{name}.*']),
     package_data={name: ['py.typed']},
     data_files=[
@@ -31,10 +62,15 @@ setup(
         (f'share/{name}/config', files('config/*')),
         (f'share/{name}/launch', files('launch/*')),
     ],
-    install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
-    python_requires='>=3.11',
-    zip_safe=True,
+    install_requires=required('run'),
+    extras_require={
+        'tools': required('tools'),
+        'ros': required('ros'),
+        'test': required('tools', 'ros', 'test'),
+        'lint': required('lint'),
+    },
+    python_requires='>=3.11,<3.14',
+    zip_safe=False,
     entry_points={
         'console_scripts': [
             f'tracker = {name}.ros.main:main',

@@ -58,27 +58,32 @@ def test_manifest(repository: Path) -> None:
 
 
 def test_pip(repository: Path, tmp_path: Path) -> None:
-    """Plain pip puts the executables into bin, and the package's data into share."""
+    """Plain pip installs executables, data and requirements; the version is the manifest's."""
     # Asked without an import: setuptools would put its own distutils into this process.
     for name, least in (('pip', 23), ('setuptools', 71)):
         versions = [found.version for found in metadata.distributions(name=name)]
         if not versions or int(versions[0].split('.')[0]) < least:
             pytest.skip(f'needs {name} {least}')
     copy_sources(repository, tmp_path / 'vtrack_ros')
-    pip = (sys.executable, '-m', 'pip', '--disable-pip-version-check', '--no-input', '-q')
-    run(*pip, 'wheel', '--no-deps', '--no-build-isolation', '--no-index', '-w', tmp_path,
-        tmp_path / 'vtrack_ros', cwd=tmp_path)
-    [wheel] = tmp_path.glob('*.whl')
-    run(sys.executable, '-m', 'venv', '--without-pip', tmp_path / 'venv', cwd=tmp_path)
-    run(*pip, '--python', tmp_path / 'venv', 'install', '--no-deps', '--no-index', wheel,
-        cwd=tmp_path)
+    prefix = tmp_path / 'prefix'
+    run(sys.executable, '-m', 'pip', '--disable-pip-version-check', '--no-input', '-q', 'install',
+        '--prefix', prefix, '--ignore-installed', '--no-deps', '--no-build-isolation',
+        '--no-index', tmp_path / 'vtrack_ros', cwd=tmp_path)
     for name in EXECUTABLES:
-        assert os.access(tmp_path / 'venv' / 'bin' / name, os.X_OK)
-    share = tmp_path / 'venv' / 'share'
+        assert os.access(prefix / 'bin' / name, os.X_OK)
+    share = prefix / 'share'
     assert (share / 'ament_index' / 'resource_index' / 'packages' / 'vtrack_ros').is_file()
-    script = 'from vtrack_ros.dds import profile_path; print(profile_path())'
-    found = run(tmp_path / 'venv' / 'bin' / 'python', '-c', script, cwd=tmp_path)
-    assert Path(found.strip()) == share / 'vtrack_ros' / 'config' / 'fastdds.xml'
+    [library] = prefix.glob('lib/python*/site-packages')
+    script = ('from vtrack_ros import __version__; print(__version__)\n'
+              'from vtrack_ros.dds import profile_path; print(profile_path())')
+    version, profile = run(sys.executable, '-c', script, cwd=tmp_path,
+                           PYTHONPATH=str(library)).splitlines()
+    assert version == ElementTree.parse(repository / 'package.xml').findtext('version')
+    assert Path(profile) == share / 'vtrack_ros' / 'config' / 'fastdds.xml'
+    [found] = metadata.distributions(name='vtrack_ros', path=[str(library)])
+    needed = {re.match(r'[\w-]+', each)[0] for each in found.requires if 'extra ==' not in each}
+    assert needed == {'numpy', 'opencv-python-headless', 'scipy'}
+    assert set(found.metadata.get_all('Provides-Extra')) == {'lint', 'ros', 'test', 'tools'}
 
 
 @pytest.fixture(scope='module')
@@ -139,7 +144,7 @@ def test_command_line(workspace: Path) -> None:
 def test_colcon_test(workspace: Path) -> None:
     """Colcon finds the tests, and runs them with pytest."""
     run('colcon', 'test', '--return-code-on-test-failure', '--pytest-args', '-k', 'test_manifest',
-        cwd=workspace, AMENT_PREFIX_PATH=sys.prefix)
+        'test/test_package.py', cwd=workspace, AMENT_PREFIX_PATH=sys.prefix)
     output = run('colcon', 'test-result', '--all', cwd=workspace)
     assert re.search(r'Summary: 1 tests?, 0 errors, 0 failures, 0 skipped', output), output
 

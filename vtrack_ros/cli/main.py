@@ -80,8 +80,8 @@ def _run(words: list[str]) -> int:
         print(_overview())
         return 0
     if words == ['--version']:
-        from importlib.metadata import version
-        print('vtrack', version('vtrack_ros'))
+        from vtrack_ros import __version__
+        print('vtrack', __version__)
         return 0
     if not words:
         return _complain('vtrack', 'no command given; valid are ' + ', '.join(_COMMANDS))
