@@ -24,7 +24,7 @@ from scalar_filters import FloatArray, paired
 from vtrack_ros.estimation import (
     BearingRange, ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
     GaussianFilter, GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter,
-    PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, unscented)
+    PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, simulate, unscented)
 
 PARTICLES = 150
 STEPS = 60
@@ -121,7 +121,7 @@ def rules(arguments: argparse.Namespace) -> dict[str, dict[str, dict[str, Any]]]
             model = BearingRange(positions, 0.05, covariance)
             title = f'{2 * positions}-D, {noise}'
             start = np.array(STARTS[positions])
-            paths = [model.simulate(start, STEPS, np.random.default_rng([arguments.seed, i]))
+            paths = [simulate(model, start, STEPS, np.random.default_rng([arguments.seed, i]))
                      for i in range(arguments.runs)]
             values, entries = {}, {}
             for name, make in RULES.items():
@@ -153,7 +153,7 @@ def grey(arguments: argparse.Namespace) -> dict[str, dict[str, float]]:
     model = ConstantVelocity(2, 2, 1.0, 1.0, 4.0 * np.eye(4))
     start = np.array([300.0, 200.0, 3.0, 1.0, 40.0, 60.0])
     spread = np.diag([4.0, 4.0, 1.0, 1.0, 4.0, 4.0])
-    paths = [model.simulate(start, GREY_STEPS, np.random.default_rng([arguments.seed, i]))
+    paths = [simulate(model, start, GREY_STEPS, np.random.default_rng([arguments.seed, i]))
              for i in range(arguments.runs)]
     rows = [['proposal and weights', 'RMSE median, px', 'mean ESS', 'minus PF [95 %]']]
     entries, values = {}, {}

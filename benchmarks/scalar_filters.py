@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.estimation import (
-    ExtendedKalmanFilter, gauss_hermite, GaussianFilterProposal, ParticleFilter, PriorProposal,
-    Proposal, pruned_gauss_hermite, SigmaPointFilter, StateSpaceModel, unscented, VanDerMerweModel)
-from vtrack_ros.estimation.sigma_points import hermite_nodes, RuleFactory
+    ExtendedKalmanFilter, gauss_hermite, GaussianFilterProposal, hermite_nodes, ParticleFilter,
+    PriorProposal, Proposal, pruned_gauss_hermite, RuleFactory, SigmaPointFilter, simulate,
+    StateSpaceModel, unscented, VanDerMerweModel)
 
 FloatArray: TypeAlias = NDArray[np.float64]
 MakeProposal: TypeAlias = Callable[[StateSpaceModel], Proposal]
@@ -89,7 +89,7 @@ class Runs:
 
     def __init__(self, model: StateSpaceModel, start: float, count: int, seed: int) -> None:
         self.model, self.start, self.seed = model, start, seed
-        pairs = [model.simulate([start], STEPS, np.random.default_rng([seed, i]))
+        pairs = [simulate(model, [start], STEPS, np.random.default_rng([seed, i]))
                  for i in range(count)]
         self.states: FloatArray = np.array([states[:, 0] for states, _ in pairs])
         self.measurements: FloatArray = np.array([seen for _, seen in pairs])

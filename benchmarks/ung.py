@@ -20,8 +20,7 @@ import numpy as np
 from scalar_filters import (
     Demonstration, filters, FloatArray, paired, rmse, Runs, STEPS, summary)
 
-from vtrack_ros.estimation import (
-    StateSpaceModel, UnivariateNonstationaryGrowth, VanDerMerweModel)
+from vtrack_ros.estimation import StateSpaceModel, UnivariateNonstationaryGrowth, VanDerMerweModel
 
 PARTICLES = 100
 REFERENCE_PARTICLES = 10_000

@@ -6,17 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.gaussian import Gaussian
-from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
-from vtrack_ros.estimation.kalman import ExtendedKalmanFilter, KalmanFilter
-from vtrack_ros.estimation.linear_models import ConstantVelocity, FirstOrderAutoregressive
-from vtrack_ros.estimation.nonlinear_models import VanDerMerweModel
-from vtrack_ros.estimation.particle_filter import ParticleFilter
-from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal
-from vtrack_ros.estimation.resampling import RESAMPLERS
-from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
-from vtrack_ros.estimation.sigma_points import (
-    cubature, gauss_hermite, pruned_gauss_hermite, unscented)
+from vtrack_ros.estimation import (
+    ConstantVelocity, cubature, ExtendedKalmanFilter, FirstOrderAutoregressive, gauss_hermite,
+    Gaussian, GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal,
+    pruned_gauss_hermite, RESAMPLERS, SigmaPointFilter, simulate, unscented, VanDerMerweModel)
 
 STEPS = 12
 RUNS = 40
@@ -54,7 +47,7 @@ PROPOSALS = {
 def exact(model):
     """Return measurements, and the Kalman filter's last mean, covariance and log-evidence."""
     n = model.state_dimension
-    _, measurements = model.simulate(np.zeros(n), STEPS, np.random.default_rng(11))
+    _, measurements = simulate(model, np.zeros(n), STEPS, np.random.default_rng(11))
     kalman = KalmanFilter(model)
     belief, log_evidence = Gaussian.from_moments(np.zeros(n), np.eye(n)), 0.0
     for measurement in measurements:
@@ -155,7 +148,7 @@ def test_simplified_weights_take_the_proposal_for_the_prior():
 def test_without_a_measurement_every_proposal_predicts():
     """Missing measurements in between: the Kalman filter skips the update, and so do the rest."""
     model = MODELS['velocity']
-    _, measurements = model.simulate([0.0, 0.0], STEPS, np.random.default_rng(12))
+    _, measurements = simulate(model, [0.0, 0.0], STEPS, np.random.default_rng(12))
     seen = [None if k in (4, 5, 11) else z for k, z in enumerate(measurements)]
     kalman = KalmanFilter(model)
     belief = Gaussian.from_moments(np.zeros(2), np.eye(2))
@@ -180,7 +173,7 @@ def test_proposals_agree_on_a_noise_that_is_not_gaussian():
     The densities of the Gamma noise and of the proposals meet in the weights.
     """
     model = VanDerMerweModel(measurement_variance=0.05)
-    _, measurements = model.simulate([1.0], 45, np.random.default_rng(13))
+    _, measurements = simulate(model, [1.0], 45, np.random.default_rng(13))
     results = {}
     for name in ('pf', 'epf', 'upf', 'pqkpf'):
         means = []

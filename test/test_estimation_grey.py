@@ -1,5 +1,6 @@
 """GM(1,1): what the grey model reproduces, its limits, and the traps of the print."""
 
+from functools import partial
 import math
 
 from hypothesis import given, settings
@@ -8,12 +9,10 @@ from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.belief import Belief
-from vtrack_ros.estimation.grey import equivariant_forecast, gm11_forecast
-from vtrack_ros.estimation.proposals import GreyProposal
-from vtrack_ros.estimation.weights import Weights
+from vtrack_ros.estimation import Belief, gm11_forecast, GreyProposal, Weights
 
 LENGTHS = (4, 5, 6, 8)
+equivariant_forecast = partial(gm11_forecast, margin=10.0)
 
 
 def as_printed(series):

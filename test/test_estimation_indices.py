@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.indices import composite_index
+from vtrack_ros.estimation import composite_index
 
 
 def test_table_1_of_the_paper():

@@ -5,16 +5,10 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.gaussian import Gaussian
-from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
-from vtrack_ros.estimation.kalman import ExtendedKalmanFilter, KalmanFilter
-from vtrack_ros.estimation.linear_models import ConstantVelocity
-from vtrack_ros.estimation.nonlinear_models import BearingRange, UnivariateNonstationaryGrowth
-from vtrack_ros.estimation.particle_filter import ParticleFilter
-from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal
-from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
-from vtrack_ros.estimation.sigma_points import (
-    cubature, gauss_hermite, pruned_gauss_hermite, unscented)
+from vtrack_ros.estimation import (
+    BearingRange, ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
+    GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal,
+    pruned_gauss_hermite, SigmaPointFilter, UnivariateNonstationaryGrowth, unscented)
 
 SMALL_CHANGE = 64 * 1024
 """What the interpreter, index arrays of one block and cached factors may take, in bytes."""

@@ -5,14 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.belief import Belief, spread_about
-from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
-from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
-from vtrack_ros.estimation.kalman import KalmanFilter
-from vtrack_ros.estimation.linear_models import ConstantVelocity, FirstOrderAutoregressive
-from vtrack_ros.estimation.particle_filter import ParticleFilter
-from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal
-from vtrack_ros.estimation.weights import Weights
+from vtrack_ros.estimation import (
+    Belief, ConstantVelocity, FirstOrderAutoregressive, Gaussian, GaussianFilterProposal,
+    GaussianNoise, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal, spread_about,
+    Weights)
 
 
 def make(model=None, proposal=None, **options):
@@ -234,6 +230,21 @@ def test_the_floor_keeps_a_collapsed_set_alive():
     np.testing.assert_allclose(np.cov(drawn.T), model.process_noise(1.0), rtol=0.25)
 
 
+def test_without_a_floor_the_spread_is_that_of_the_paper():
+    """Equation 17 alone; a collapsed set is then moved by the transition prior."""
+    model = ConstantVelocity(1, acceleration_density=4.0)
+    states = np.random.default_rng(5).normal((5.0, 0.0), (2.0, 0.5), (40000, 2))
+    past = tuple(np.array([5.0 - 4 + step, 0.0]) for step in range(5))
+    belief = Belief(states, Weights.uniform(len(states)), 4.0, None, past, tuple(np.arange(5.0)))
+    proposal = GreyProposal(floor=0.0)
+    drawn = proposal.propose(model, belief, 1.0, np.random.default_rng(6))
+    about = states - proposal.forecast(belief, 1.0)
+    np.testing.assert_allclose(np.cov(drawn.states.T), about.T @ about / len(about), atol=0.1)
+    collapsed = Belief(np.tile(past[-1], (4, 1)), Weights.uniform(4), 4.0, None, past[-1:] * 5,
+                       tuple(np.arange(5.0)))
+    assert proposal.propose(model, collapsed, 1.0, np.random.default_rng(7)).log_density is None
+
+
 def test_a_dropped_frame_is_forecast_as_two_steps():
     positions = 10.0 + 3.0 * np.arange(5)
     estimates = tuple(np.array([position, 3.0]) for position in positions)
@@ -334,7 +345,8 @@ def test_the_gaussian_proposal_s_density_is_the_one_that_it_samples():
 
 
 @pytest.mark.parametrize('options, name', [
-    ({'window': 3}, 'window'), ({'floor': 0.0}, 'floor'), ({'margin': -1.0}, 'margin'),
+    ({'window': 3}, 'window'), ({'floor': -0.1}, 'floor'), ({'floor': math.inf}, 'floor'),
+    ({'floor': 0.0, 'spread': 'moved'}, 'floor'), ({'margin': -1.0}, 'margin'),
     ({'spread': 'wide'}, 'spread'), ({'prior_share': 1.0}, 'prior_share')])
 def test_wrong_options_of_the_grey_proposal_are_refused(options, name):
     with pytest.raises(ValueError, match=name):

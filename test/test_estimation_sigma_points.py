@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.sigma_points import (
+from vtrack_ros.estimation import (
     cubature, gauss_hermite, hermite_nodes, pruned_gauss_hermite, pruning_threshold, unscented)
 
 

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation.resampling import resampler, RESAMPLERS
-from vtrack_ros.estimation.weights import Weights
+from vtrack_ros.estimation import resampler, RESAMPLERS, Weights
 
 SCHEMES = sorted(RESAMPLERS)
 

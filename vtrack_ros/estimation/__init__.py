@@ -1,29 +1,57 @@
-"""Bayesian filters on any state-space model; they know no pixels and no ROS."""
+"""
+Bayesian filters on any state-space model; they know no pixels and no ROS.
 
-from vtrack_ros.estimation.belief import Belief, spread_about
-from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
-from vtrack_ros.estimation.gaussian_proposal import GaussianFilterProposal
+- Models say how a state moves and what is measured of it: `ConstantVelocity`, autoregressive and
+  nonlinear ones, or a `StateSpaceModel` (`LinearModel`) of one's own.
+- A `GaussianFilter` estimates a `Gaussian`: `KalmanFilter`, `ExtendedKalmanFilter`, or
+  `SigmaPointFilter` with a rule of sigma points.
+- A `ParticleFilter` estimates a `Belief`, a weighted particle set; its `Proposal` makes it the PF,
+  GMPF (`GreyProposal`), KPF, EPF, UPF, QKPF or P-QKPF (`GaussianFilterProposal`).
+
+>>> import numpy as np
+>>> model = ConstantVelocity(positions=1, measurement_noise=[[0.25]])
+>>> kalman_filter = SigmaPointFilter(model, unscented)
+>>> filters = [ParticleFilter(model, proposal, particles=2000, rng=np.random.default_rng(1))
+...            for proposal in (PriorProposal(), GaussianFilterProposal(kalman_filter))]
+>>> for particle_filter in filters:
+...     belief = particle_filter.start(mean=[0.0, 1.0], covariance=np.eye(2))
+...     for position in (1.1, 2.0, 2.9):
+...         step = particle_filter.step([position], dt=1.0)
+...     print(step.mean.round(1))
+[2.9 0.9]
+[2.9 0.9]
+
+"""
+
+from vtrack_ros.estimation.autoregressive import (
+    FirstOrderAutoregressive, SecondOrderAutoregressive)
+from vtrack_ros.estimation.grey import gm11_forecast, GreyProposal
 from vtrack_ros.estimation.indices import composite_index
-from vtrack_ros.estimation.kalman import ExtendedKalmanFilter, GaussianFilter, KalmanFilter
-from vtrack_ros.estimation.linear_models import (
-    ConstantVelocity, FirstOrderAutoregressive, SecondOrderAutoregressive)
-from vtrack_ros.estimation.model import LinearModel, StateSpaceModel
+from vtrack_ros.estimation.kalman import (
+    central_differences, covariance_factors, ExtendedKalmanFilter, Gaussian, GaussianFilter,
+    KalmanFilter)
+from vtrack_ros.estimation.model import (
+    ConstantVelocity, GaussianNoise, LinearModel, StateSpaceModel)
 from vtrack_ros.estimation.nonlinear_models import (
-    BearingRange, UnivariateNonstationaryGrowth, VanDerMerweModel)
+    BearingRange, simulate, UnivariateNonstationaryGrowth, VanDerMerweModel)
 from vtrack_ros.estimation.particle_filter import FilterStep, ParticleFilter
-from vtrack_ros.estimation.proposals import GreyProposal, PriorProposal, Proposal, Proposed
-from vtrack_ros.estimation.resampling import resampler, RESAMPLERS
+from vtrack_ros.estimation.particles import (
+    Belief, resampler, RESAMPLERS, spread_about, Weights)
+from vtrack_ros.estimation.proposals import (
+    GaussianFilterProposal, PriorProposal, Proposal, Proposed)
 from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
 from vtrack_ros.estimation.sigma_points import (
-    cubature, gauss_hermite, pruned_gauss_hermite, SigmaPointRule, unscented)
-from vtrack_ros.estimation.weights import Weights
+    cubature, gauss_hermite, hermite_nodes, pruned_gauss_hermite, pruning_threshold, RuleFactory,
+    SigmaPointRule, unscented)
 
 __all__ = [
-    'BearingRange', 'Belief', 'composite_index', 'ConstantVelocity', 'cubature',
-    'ExtendedKalmanFilter', 'FilterStep', 'FirstOrderAutoregressive', 'gauss_hermite', 'Gaussian',
-    'GaussianFilter', 'GaussianFilterProposal', 'GaussianNoise', 'GreyProposal', 'KalmanFilter',
-    'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',
-    'pruned_gauss_hermite', 'resampler', 'RESAMPLERS', 'SecondOrderAutoregressive',
-    'SigmaPointFilter', 'SigmaPointRule', 'spread_about', 'StateSpaceModel',
-    'UnivariateNonstationaryGrowth', 'unscented', 'VanDerMerweModel', 'Weights',
+    'BearingRange', 'Belief', 'central_differences', 'composite_index', 'ConstantVelocity',
+    'covariance_factors', 'cubature', 'ExtendedKalmanFilter', 'FilterStep',
+    'FirstOrderAutoregressive', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
+    'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
+    'KalmanFilter', 'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',
+    'pruned_gauss_hermite', 'pruning_threshold', 'resampler', 'RESAMPLERS', 'RuleFactory',
+    'SecondOrderAutoregressive', 'SigmaPointFilter', 'SigmaPointRule', 'simulate',
+    'spread_about', 'StateSpaceModel', 'UnivariateNonstationaryGrowth', 'unscented',
+    'VanDerMerweModel', 'Weights',
 ]

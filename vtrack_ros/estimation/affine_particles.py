@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.estimation.resampling import systematic
+from vtrack_ros.estimation.particles import systematic
 from vtrack_ros.geometry import affine
 
 Array = NDArray[np.float64]

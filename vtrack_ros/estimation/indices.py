@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from vtrack_ros.estimation.validation import checked_array, FloatArray
+from vtrack_ros.estimation.model import checked_array, FloatArray
 
 PAPER_WEIGHTS = (0.5, 0.3, 0.2)
 """For time per frame, mean and variance of the RMSE [Zhu2012, section 5]."""

@@ -1,33 +1,84 @@
-"""Gaussian filters: many Kalman filters side by side, linear or linearised."""
+"""Gaussian beliefs, and many Kalman filters side by side: linear or linearised."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from vtrack_ros.estimation.gaussian import Gaussian, GaussianNoise
-from vtrack_ros.estimation.model import LinearModel, StateSpaceModel
-from vtrack_ros.estimation.validation import FloatArray
+from vtrack_ros.estimation.model import (
+    checked_array, checked_covariance, FloatArray, GaussianNoise, LinearModel, StateSpaceModel)
 
 _BLOCK = 16384
 """How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded."""
 
 
 @dataclass(frozen=True, eq=False)
-class Correction:
+class Gaussian:
     """
-    What a measurement made of N beliefs.
+    N Gaussian beliefs, side by side.
 
     Parameters
     ----------
-    posterior : Gaussian
-    log_evidence : ndarray, shape (N,)
-        The log-density of the measurement, as each belief predicted it.
+    mean : ndarray, shape (N, n)
+    covariance : ndarray, shape (N, n, n)
+        Symmetric positive (semi-)definite.
 
     """
+
+    mean: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the shapes; definiteness is checked where beliefs come in, not at every step."""
+        if self.mean.ndim != 2:
+            raise ValueError(f'mean must have the shape (N, n), not {self.mean.shape}')
+        wanted = (*self.mean.shape, self.mean.shape[1])
+        if self.covariance.shape != wanted:
+            raise ValueError(f'covariance must have the shape {wanted}, '
+                             f'not {self.covariance.shape}')
+
+    @classmethod
+    def from_moments(cls, mean: ArrayLike, covariance: ArrayLike) -> Gaussian:
+        """
+        Make beliefs of means and covariances that the caller hands in.
+
+        Parameters
+        ----------
+        mean : array_like, shape (n,) or (N, n)
+            One, or many.
+        covariance : array_like, shape (n, n) or (N, n, n)
+            One for all means, or one for each.
+
+        Raises
+        ------
+        ValueError
+            If shapes don't fit, a value isn't finite or a covariance not positive definite.
+
+        """
+        means = checked_array('mean', np.atleast_2d(mean), (None, None))
+        count, dimension = means.shape
+        matrices = np.asarray(covariance, dtype=np.float64)
+        if matrices.ndim != 3:
+            one = checked_covariance('covariance', matrices, dimension)
+            return cls(means, np.tile(one, (count, 1, 1)))
+        if len(matrices) != count:
+            raise ValueError(f'covariance must hold {count} matrices, not {len(matrices)}')
+        return cls(means, np.array([
+            checked_covariance('covariance', matrix, dimension) for matrix in matrices]))
+
+    def __len__(self) -> int:
+        """Return the number of beliefs."""
+        return len(self.mean)
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """The beliefs after a measurement, and its log-density as each predicted it, shape (N,)."""
 
     posterior: Gaussian
     log_evidence: FloatArray
@@ -40,26 +91,13 @@ class GaussianFilter(ABC):
     Updates take Joseph's form, a sum of positive semi-definite terms: rounding can't make a
     covariance indefinite. Beliefs are worked off in blocks, so that a step needs no more memory
     than its result and one block.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-
     """
 
     def __init__(self, model: StateSpaceModel) -> None:
         self.model = model
 
     def predict(self, prior: Gaussian, dt: float, time: float = 0.0) -> Gaussian:
-        """
-        Return the beliefs after a step of `dt` that begins at `time`.
-
-        Raises
-        ------
-        ValueError
-            If the beliefs are of another dimension than the model.
-
-        """
+        """Return the beliefs after a step of `dt` that begins at `time`."""
         self._check(prior)
         mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
         for part in self.blocks(len(prior)):
@@ -83,11 +121,6 @@ class GaussianFilter(ABC):
             That of the measurement.
         error : GaussianNoise, optional
             The measurement's error, where it differs from the model's.
-
-        Raises
-        ------
-        ValueError
-            If the beliefs or the measurement are of another dimension than the model.
 
         """
         self._check(prior)
@@ -147,12 +180,18 @@ class ExtendedKalmanFilter(GaussianFilter):
         matrix = self.model.transition_matrix(dt)
         if matrix is None:
             matrix = self.model.transition_jacobian(mean, dt, time)
+        if matrix is None:
+            matrix = central_differences(
+                lambda states: self.model.transition(states, dt, time), mean)
         return self._propagate(mean, covariance, matrix, dt, time)
 
     def _update(
             self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
             error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
         jacobian = self.model.measurement_jacobian(mean, time)
+        if jacobian is None:
+            jacobian = central_differences(
+                lambda states: self.model.measure(states, time), mean, self.model.residual)
         cross = covariance @ jacobian.swapaxes(1, 2)
         innovation_covariance = jacobian @ cross
         innovation_covariance += error.covariance
@@ -165,19 +204,7 @@ class ExtendedKalmanFilter(GaussianFilter):
 
 
 class KalmanFilter(ExtendedKalmanFilter):
-    """
-    The Kalman filter: exact on a linear model with Gaussian noise.
-
-    Parameters
-    ----------
-    model : LinearModel
-
-    Raises
-    ------
-    ValueError
-        If the model isn't linear.
-
-    """
+    """The Kalman filter: exact on a linear model with Gaussian noise."""
 
     def __init__(self, model: StateSpaceModel) -> None:
         if not isinstance(model, LinearModel):
@@ -190,7 +217,7 @@ def innovate(
         cross: FloatArray, innovation_covariance: FloatArray, residual: FloatArray,
         ) -> tuple[FloatArray, FloatArray]:
     """
-    Return gains and log-evidence of N innovations.
+    Return the gains `cross S^-1` and log-densities of N innovations.
 
     Parameters
     ----------
@@ -200,13 +227,6 @@ def innovate(
         S.
     residual : ndarray, shape (N, m)
         Measurement minus prediction.
-
-    Returns
-    -------
-    gain : ndarray, shape (N, n, m)
-        `cross S^-1`.
-    log_evidence : ndarray, shape (N,)
-        The residuals' log-densities.
 
     """
     dimension = residual.shape[1]
@@ -223,6 +243,38 @@ def innovate(
     log_density: FloatArray = -0.5 * (
         distance + log_determinant + dimension * math.log(2 * math.pi))
     return gain, log_density
+
+
+def covariance_factors(covariance: FloatArray) -> FloatArray:
+    """
+    Return lower triangular L with `L L^T = covariance`, for symmetric matrices (..., n, n).
+
+    Cholesky's factor where it exists. If rounding has left any matrix indefinite, the factors are
+    those of the nearest matrices whose eigenvalues are positive.
+    """
+    try:
+        return np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(covariance)
+        least = np.finfo(np.float64).eps * np.abs(values).max(axis=-1, keepdims=True)
+        root = vectors * np.sqrt(np.maximum(values, least))[..., np.newaxis, :]
+        upper = np.linalg.qr(root.swapaxes(-1, -2), mode='r')
+        return upper.swapaxes(-1, -2)
+
+
+def central_differences(
+        function: Callable[[FloatArray], FloatArray], states: FloatArray,
+        subtract: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract) -> FloatArray:
+    """Return the derivative of a function (N, n) -> (N, m) at each state, shape (N, m, n)."""
+    columns = []
+    for component in range(states.shape[1]):
+        above, below = states.copy(), states.copy()
+        step = np.cbrt(np.finfo(np.float64).eps) * np.maximum(np.abs(states[:, component]), 1.0)
+        above[:, component] += step
+        below[:, component] -= step
+        width = (above - below)[:, component, np.newaxis]
+        columns.append(subtract(function(above), function(below)) / width)
+    return np.stack(columns, axis=2)
 
 
 def matrix_times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -1,15 +1,102 @@
-"""What a filter must know about a system: how its state moves, and what is seen of it."""
+"""State-space models: how a state moves, what is measured of it, and their Gaussian errors."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+import math
+from numbers import Real
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from vtrack_ros.estimation.gaussian import GaussianNoise
-from vtrack_ros.estimation.validation import (
-    checked_array, checked_count, checked_covariance, FloatArray)
+FloatArray: TypeAlias = NDArray[np.float64]
+
+
+def checked_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Return finite floats of a given shape, None being any length; else raise ValueError."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim != len(shape) or any(
+            wanted not in (None, length) for length, wanted in zip(array.shape, shape)):
+        wanted_shape = ', '.join('any' if length is None else str(length) for length in shape)
+        raise ValueError(f'{name} must have the shape ({wanted_shape}), not {array.shape}')
+    if not np.isfinite(array).all():
+        raise ValueError(f'{name} must be finite')
+    return array
+
+
+def checked_covariance(name: str, value: ArrayLike, dimension: int) -> FloatArray:
+    """Return a symmetric positive definite matrix, shape (n, n); else raise ValueError."""
+    matrix = checked_array(name, value, (dimension, dimension))
+    scale = np.abs(matrix).max(initial=0.0)
+    if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-9 * scale):
+        raise ValueError(f'{name} must be symmetric')
+    return GaussianNoise.from_covariance((matrix + matrix.T) / 2, name).covariance
+
+
+def checked_count(name: str, value: float, least: int = 1) -> int:
+    """Return a whole number that is `least` or more; else raise ValueError."""
+    # the remainder of NaN and infinity is NaN, which counts as true
+    if isinstance(value, bool) or not isinstance(value, Real) or value % 1 or value < least:
+        raise ValueError(f'{name} must be a whole number of at least {least}, not {value!r}')
+    return int(value)
+
+
+def checked_positive(name: str, value: float) -> float:
+    """Return a finite float greater than zero; else raise ValueError."""
+    if not (isinstance(value, Real) and 0 < value < np.inf):
+        raise ValueError(f'{name} must be positive and finite, not {value!r}')
+    return float(value)
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianNoise:
+    """
+    A zero-mean Gaussian error, factorised once for sampling and for densities.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+    factor : ndarray, shape (n, n)
+        L with `L L^T = covariance`.
+
+    """
+
+    covariance: FloatArray
+    factor: FloatArray
+
+    @classmethod
+    def from_covariance(cls, covariance: FloatArray, name: str = 'covariance') -> GaussianNoise:
+        """Factorise a covariance, shape (n, n); ValueError where it isn't positive definite."""
+        try:
+            return cls(covariance, np.linalg.cholesky(covariance))
+        except np.linalg.LinAlgError:
+            raise ValueError(f'{name} must be positive definite') from None
+
+    @cached_property
+    def whitener(self) -> FloatArray:
+        """Return the inverse of the factor, shape (n, n)."""
+        return np.linalg.inv(self.factor)
+
+    @cached_property
+    def log_normaliser(self) -> float:
+        """Return the log-density at zero."""
+        return (-len(self.factor) / 2 * math.log(2 * math.pi)
+                - float(np.log(self.factor.diagonal()).sum()))
+
+    def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Draw `count` errors, shape (count, n)."""
+        return rng.standard_normal((count, len(self.factor))) @ self.factor.T
+
+    def log_density(self, errors: FloatArray) -> FloatArray:
+        """Return the log-density of errors of shape (N, n), shape (N,)."""
+        white = errors @ self.whitener.T
+        density: FloatArray = np.einsum('ij,ij->i', white, white)
+        density *= -0.5
+        density += self.log_normaliser
+        return density
 
 
 class StateSpaceModel(ABC):
@@ -24,19 +111,14 @@ class StateSpaceModel(ABC):
     always zero, so that f and Q are the first two moments of the transition.
 
     Methods take `time`: for a transition that of its beginning, for a measurement its own. Only
-    models that change with time look at it. Time and dt have the unit of the model, usually
-    seconds or frames.
+    models that change with time use it. Time and dt have the unit of the model, usually seconds
+    or frames.
 
     Parameters
     ----------
     state_dimension : int
     measurement_noise : array_like, shape (m, m)
-        The covariance R, symmetric positive definite; gives the measurement's dimension.
-
-    Raises
-    ------
-    ValueError
-        If the dimension isn't positive or the covariance not positive definite.
+        The covariance R, gives m; ValueError unless it's symmetric and positive definite.
 
     """
 
@@ -73,15 +155,7 @@ class StateSpaceModel(ABC):
         return self.measurement_error.covariance
 
     def process_error(self, dt: float) -> GaussianNoise:
-        """
-        Return the process noise of a step of `dt`, factorised; the last one is remembered.
-
-        Raises
-        ------
-        ValueError
-            If the covariance isn't positive definite.
-
-        """
+        """Return the process noise of a step of `dt`, factorised; the last one is remembered."""
         if self._process_error is None or self._process_error[0] != dt:
             self._process_error = dt, GaussianNoise.from_covariance(self.process_noise(dt))
         return self._process_error[1]
@@ -115,105 +189,22 @@ class StateSpaceModel(ABC):
     def log_likelihood(
             self, states: FloatArray, measurement: FloatArray, time: float = 0.0,
             error: GaussianNoise | None = None) -> FloatArray:
-        """
-        Return log p(measurement | states[i]), shape (N,).
-
-        Parameters
-        ----------
-        states : ndarray, shape (N, n)
-            What the state may be.
-        measurement : ndarray, shape (m,)
-            What was seen.
-        time : float
-            That of the measurement.
-        error : GaussianNoise, optional
-            That of this measurement, where it differs from the model's.
-
-        """
+        """Return log p(measurement | states[i]), shape (N,), with an error of its own or R."""
         residual = self.residual(measurement, self.measure(states, time))
         return (error or self.measurement_error).log_density(residual)
 
-    def simulate(
-            self, start: ArrayLike, steps: int, rng: np.random.Generator, dt: float = 1.0,
-            time: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """
-        Draw a trajectory and its measurements.
-
-        Parameters
-        ----------
-        start : array_like, shape (n,)
-            The state at `time`; not part of the result.
-        steps : int
-            How many.
-        rng : numpy.random.Generator
-            Where randomness comes from.
-        dt, time : float
-            The length of a step, and when the first one begins.
-
-        Returns
-        -------
-        states : ndarray, shape (steps, n)
-        measurements : ndarray, shape (steps, m)
-
-        """
-        state = checked_array('start', start, (self.state_dimension,))[np.newaxis]
-        states = np.empty((steps, self.state_dimension))
-        measurements = self.measurement_error.sample(steps, rng)
-        for step in range(steps):
-            state = self.sample_transition(state, dt, rng, time)
-            time += dt
-            states[step] = state[0]
-            measurements[step] += self.measure(state, time)[0]
-        return states, measurements
-
     def transition_jacobian(
-            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the derivative of the transition at each state, shape (N, n, n)."""
-        jacobian = np.empty((*states.shape, self.state_dimension))
-        for column, step, above, below in self._neighbours(states):
-            difference = self.transition(above, dt, time) - self.transition(below, dt, time)
-            jacobian[:, :, column] = difference / step[:, np.newaxis]
-        return jacobian
+            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray | None:
+        """Return the derivative of f, shape (N, n, n), or None: by central differences then."""
+        return None
 
-    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return the derivative of the measurement at each state, shape (N, m, n)."""
-        jacobian = np.empty((len(states), self.measurement_dimension, self.state_dimension))
-        for column, step, above, below in self._neighbours(states):
-            difference = self.residual(self.measure(above, time), self.measure(below, time))
-            jacobian[:, :, column] = difference / step[:, np.newaxis]
-        return jacobian
-
-    def _neighbours(
-            self, states: FloatArray) -> list[tuple[int, FloatArray, FloatArray, FloatArray]]:
-        """Return states a little above and below in each component, for central differences."""
-        relative = np.cbrt(np.finfo(np.float64).eps)
-        neighbours = []
-        for column in range(self.state_dimension):
-            above, below = states.copy(), states.copy()
-            step = relative * np.maximum(np.abs(states[:, column]), 1.0)
-            above[:, column] += step
-            below[:, column] -= step
-            neighbours.append((column, above[:, column] - below[:, column], above, below))
-        return neighbours
+    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray | None:
+        """Return the derivative of h, shape (N, m, n), or None: by central differences then."""
+        return None
 
 
 class LinearModel(StateSpaceModel):
-    """
-    A model whose transition and measurement are matrices.
-
-    Parameters
-    ----------
-    measurement_matrix : array_like, shape (m, n)
-        H in `z = H x + w`.
-    measurement_noise : array_like, shape (m, m)
-        The covariance R, symmetric positive definite.
-
-    Raises
-    ------
-    ValueError
-        If the shapes don't fit or the covariance isn't positive definite.
-
-    """
+    """A model with matrices: `x_k = F(dt) x_{k-1} + c + v` and `z = H x + w`; H, R are given."""
 
     def __init__(self, measurement_matrix: ArrayLike, measurement_noise: ArrayLike) -> None:
         matrix = checked_array('measurement_matrix', measurement_matrix, (None, None))
@@ -236,13 +227,74 @@ class LinearModel(StateSpaceModel):
         """Return the error-free measurements of states, shape (N, m)."""
         return states @ self.measurement_matrix.T
 
-    def transition_jacobian(
-            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the transition matrix for each state, shape (N, n, n)."""
-        matrix = self.transition_matrix(dt)
-        return np.broadcast_to(matrix, (len(states), *matrix.shape))
-
     def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return the measurement matrix for each state, shape (N, m, n)."""
+        """Return H for each state, shape (N, m, n)."""
         matrix = self.measurement_matrix
         return np.broadcast_to(matrix, (len(states), *matrix.shape))
+
+
+class ConstantVelocity(LinearModel):
+    """
+    Positions that move at nearly constant velocity, and components that wander slowly.
+
+    The state is `[p_1 .. p_d, v_1 .. v_d, s_1 .. s_c]`; with d = c = 2 it is the paper's
+    `[cx, cy, vx, vy, Hx, Hy]` [Zhu2012, eq. 19]. Velocities are driven by white acceleration of
+    the given spectral density (Bar-Shalom, Li and Kirubarajan, 2001, section 6.2.2), so Q(dt) is
+    positive definite and two steps of dt equal one of 2 dt. What is measured is p, or p and s.
+
+    Parameters
+    ----------
+    positions : int
+        d, at least one.
+    wandering : int
+        c, the number of components that follow a random walk.
+    acceleration_density : float, [unit^2/s^3]
+        Of the white acceleration.
+    wander_density : float, [unit^2/s]
+        The variance that the random walk gains per unit of time.
+    measurement_noise : array_like, shape (d, d) or (d + c, d + c), optional, [unit^2]
+        Its size says what is measured; by default the positions alone, with unit variance.
+
+    """
+
+    def __init__(
+            self, positions: int = 2, wandering: int = 0, acceleration_density: float = 1.0,
+            wander_density: float = 1.0, measurement_noise: ArrayLike | None = None) -> None:
+        self.positions = checked_count('positions', positions)
+        self.wandering = checked_count('wandering', wandering, least=0)
+        self.acceleration_density = checked_positive('acceleration_density', acceleration_density)
+        self.wander_density = checked_positive('wander_density', wander_density)
+        noise = np.eye(positions) if measurement_noise is None else np.asarray(measurement_noise)
+        measured = (positions, positions + wandering)
+        if noise.shape not in [(size, size) for size in measured]:
+            raise ValueError('measurement_noise must be a square matrix of size '
+                             f'{" or ".join(str(size) for size in measured)}, '
+                             f'not of shape {noise.shape}')
+        matrix = np.zeros((len(noise), 2 * positions + wandering))
+        matrix[:positions, :positions] = np.eye(positions)
+        matrix[positions:, 2 * positions:] = np.eye(len(noise) - positions, wandering)
+        super().__init__(matrix, noise)
+
+    def transition_matrix(self, dt: float) -> FloatArray:
+        """Return F, shape (n, n): each position gains dt times its velocity."""
+        d = self.positions
+        matrix = np.eye(self.state_dimension)
+        matrix[:d, d:2 * d] = dt * np.eye(d)
+        return matrix
+
+    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        """Return the expected states after `dt`, shape (N, n)."""
+        d = self.positions
+        expected = states.copy()
+        expected[:, :d] += dt * states[:, d:2 * d]
+        return expected
+
+    def process_noise(self, dt: float) -> FloatArray:
+        """Return Q(dt), shape (n, n), of the integrated white acceleration."""
+        d = self.positions
+        noise = np.diag(np.full(self.state_dimension, self.wander_density * dt))
+        eye = self.acceleration_density * np.eye(d)
+        noise[:d, :d] = eye * dt ** 3 / 3
+        noise[:d, d:2 * d] = noise[d:2 * d, :d] = eye * dt ** 2 / 2
+        noise[d:2 * d, d:2 * d] = eye * dt
+        return noise

@@ -1,4 +1,4 @@
-"""Nonlinear models: the two scalar ones that particle filters are measured on, and a radar."""
+"""Nonlinear models that filters are measured on, two scalar ones and a radar; simulation."""
 
 from __future__ import annotations
 
@@ -7,10 +7,32 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtrack_ros.estimation.linear_models import ConstantVelocity
-from vtrack_ros.estimation.model import StateSpaceModel
-from vtrack_ros.estimation.validation import (
-    checked_array, checked_count, checked_positive, FloatArray)
+from vtrack_ros.estimation.model import (
+    checked_array, checked_count, checked_positive, ConstantVelocity, FloatArray, StateSpaceModel)
+
+
+def simulate(
+        model: StateSpaceModel, start: ArrayLike, steps: int, rng: np.random.Generator,
+        dt: float = 1.0, time: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    """
+    Draw a trajectory of a model from `start`, shape (n,), at `time`, and its measurements.
+
+    Returns
+    -------
+    states : ndarray, shape (steps, n)
+        Without the start.
+    measurements : ndarray, shape (steps, m)
+
+    """
+    state = checked_array('start', start, (model.state_dimension,))[np.newaxis]
+    states = np.empty((steps, model.state_dimension))
+    measurements = model.measurement_error.sample(steps, rng)
+    for step in range(steps):
+        state = model.sample_transition(state, dt, rng, time)
+        time += dt
+        states[step] = state[0]
+        measurements[step] += model.measure(state, time)[0]
+    return states, measurements
 
 
 class UnivariateNonstationaryGrowth(StateSpaceModel):
@@ -27,11 +49,6 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
     ----------
     process_variance, measurement_variance : float
         The paper gives none; 10 and 1 are usual (Gordon, Salmond and Smith, 1993).
-
-    Raises
-    ------
-    ValueError
-        If a variance isn't positive.
 
     """
 
@@ -87,11 +104,6 @@ class VanDerMerweModel(StateSpaceModel):
     shape, rate : float
         Of the Gamma density `v^(shape-1) exp(-rate v)`; the mean is shape / rate.
     measurement_variance : float
-
-    Raises
-    ------
-    ValueError
-        If a parameter isn't positive.
 
     """
 
@@ -157,11 +169,6 @@ class BearingRange(StateSpaceModel):
         Of the white acceleration.
     measurement_noise : array_like, shape (positions, positions), [m, rad, rad]
         The covariance; by default 1 m and 0.01 rad of standard deviation.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range or of the wrong shape.
 
     """
 

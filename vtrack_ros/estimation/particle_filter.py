@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtrack_ros.estimation.belief import Belief
-from vtrack_ros.estimation.gaussian import GaussianNoise
-from vtrack_ros.estimation.model import StateSpaceModel
+from vtrack_ros.estimation.model import (
+    checked_array, checked_count, checked_covariance, FloatArray, GaussianNoise, StateSpaceModel)
+from vtrack_ros.estimation.particles import Belief, resampler, Weights
 from vtrack_ros.estimation.proposals import PriorProposal, Proposal, Proposed
-from vtrack_ros.estimation.resampling import resampler
-from vtrack_ros.estimation.validation import (
-    checked_array, checked_count, checked_covariance, checked_states, FloatArray)
-from vtrack_ros.estimation.weights import Weights
 
 LogLikelihood: TypeAlias = Callable[[FloatArray], FloatArray]
 
@@ -25,17 +21,7 @@ WEIGHTINGS = ('full', 'simplified')
 
 @dataclass(frozen=True, eq=False)
 class FilterStep:
-    """
-    What came out of one step.
-
-    Parameters
-    ----------
-    belief : Belief
-        Weighted by the measurement, before resampling: take estimates from this one.
-    resampled : bool
-        Whether the filter resampled afterwards.
-
-    """
+    """The belief after a measurement, before resampling; and whether that followed."""
 
     belief: Belief
     resampled: bool
@@ -79,9 +65,9 @@ class ParticleFilter:
     - 'full': `p(z|x) p(x|x_prev) / q(x|x_prev, z)` [Zhu2012, eq. 5; Qi2012, section 2.2 d];
     - 'simplified': `p(z|x)` [Zhu2012, section 4, step 3]: right for the prior proposal only; with
       any other, the proposal takes the place of the prior, and the posterior is that of a target
-      which moves as the proposal says. What the grey proposal draws from its Gaussian has nothing
-      to do with the particle it replaces; the full weight compares it with that one predecessor
-      all the same, and in many dimensions leaves weight to few.
+      which moves as the proposal says. Beside the grey proposal the full weight compares a sample
+      with a predecessor that it has nothing to do with, and in many dimensions leaves weight to
+      few.
 
     Where no particle explains the measurement (all weights vanish), the measurement is ignored:
     the proposed particles keep the weights of before, the step is marked `recovered`, and
@@ -96,16 +82,10 @@ class ParticleFilter:
         N, at least one.
     resampling : {'systematic', 'stratified', 'residual', 'multinomial'}
     threshold : float
-        Resample when the effective sample size is below this fraction of N, in [0, 1]; 1 is at
-        every step unless all weights are equal, 0 never.
+        Resample when the effective sample size is below this fraction of N, in [0, 1].
     weighting : {'full', 'simplified'}
     rng : numpy.random.Generator
         Where all randomness comes from.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or a scheme or weighting unknown.
 
     """
 
@@ -130,22 +110,14 @@ class ParticleFilter:
 
     @property
     def belief(self) -> Belief:
-        """
-        Return the belief that the next step starts from; it may be set.
-
-        Raises
-        ------
-        ValueError
-            If the filter hasn't been started, or a belief of another dimension is set.
-
-        """
+        """Return what the next step starts from; it may be set. ValueError before the start."""
         if self._belief is None:
             raise ValueError('the filter has no belief yet: call start() or set_particles()')
         return self._belief
 
     @belief.setter
     def belief(self, belief: Belief) -> None:
-        checked_states('states', belief.states, self.model.state_dimension)
+        self._checked_states(belief.states)
         self._belief = belief
 
     def start(self, mean: ArrayLike, covariance: ArrayLike, time: float = 0.0) -> Belief:
@@ -157,24 +129,18 @@ class ParticleFilter:
         mean : array_like, shape (n,)
             Of the state.
         covariance : array_like, shape (n, n)
-            Symmetric positive definite.
+            Symmetric positive definite; ValueError if it isn't, or a shape is wrong.
         time : float
             What the clock shows.
-
-        Raises
-        ------
-        ValueError
-            If a shape is wrong, or the covariance not positive definite.
 
         """
         dimension = self.model.state_dimension
         mean = checked_array('mean', mean, (dimension,))
         covariance = checked_covariance('covariance', covariance, dimension)
-        noise = GaussianNoise.from_covariance(covariance)
-        states = noise.sample(self.particles, self._rng)
+        states = GaussianNoise.from_covariance(covariance).sample(self.particles, self._rng)
         states += mean
         self._belief = Belief(
-            states, Weights.uniform(self.particles), time, self._spread(covariance),
+            states, Weights.uniform(self.particles), time, self._copies(covariance),
             *self._remembered((), (), mean, time))
         return self._belief
 
@@ -187,51 +153,32 @@ class ParticleFilter:
         Parameters
         ----------
         states : array_like, shape (N, n)
-            N may differ from before.
+            N may differ from before; ValueError if n does or a state isn't finite.
         log_weights : ndarray, shape (N,), optional
             Not normalised; uniform by default.
 
-        Raises
-        ------
-        ValueError
-            If a shape is wrong or a state isn't finite.
-
         """
-        states = checked_states('states', states, self.model.state_dimension)
+        states = self._checked_states(states)
         weights = (Weights.uniform(len(states)) if log_weights is None
                    else Weights.from_log(log_weights))
         self.particles = len(states)
-        belief = Belief(states, weights)
-        old = self._belief
+        belief, old = Belief(states, weights), self._belief
         time = old.time if old is not None else 0.0
         memory = ((old.estimates, old.estimate_times) if old is not None
                   else self._remembered((), (), belief.mean, time))
-        self._belief = Belief(states, weights, time, self._spread(belief.covariance), *memory)
+        self._belief = Belief(states, weights, time, self._copies(belief.covariance), *memory)
         return self._belief
 
     def correct_estimate(self, estimate: ArrayLike) -> None:
         """
-        Replace the latest of the past estimates that proposals look at; the particles stay.
+        Replace the latest of the past estimates, shape (n,), that proposals use, if any do.
 
-        For a caller whose estimate is better than the particles' mean.
-
-        Parameters
-        ----------
-        estimate : array_like, shape (n,)
-            Ignored where the proposal looks at none.
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a value isn't finite.
-
+        For a caller whose estimate is better than the particles' mean. The particles stay.
         """
         latest = checked_array('estimate', estimate, (self.model.state_dimension,))
         belief = self.belief
         if belief.estimates:
-            self._belief = Belief(
-                belief.states, belief.weights, belief.time, belief.covariances,
-                (*belief.estimates[:-1], latest), belief.estimate_times)
+            self._belief = replace(belief, estimates=(*belief.estimates[:-1], latest))
 
     def step(
             self, measurement: ArrayLike | None = None, dt: float = 1.0,
@@ -243,7 +190,7 @@ class ParticleFilter:
         Parameters
         ----------
         measurement : array_like, shape (m,), optional
-            Steers proposals that look at it, which otherwise fall back to prediction. It weights
+            Steers proposals that use it, which otherwise fall back to prediction. It weights
             the particles too, by the model, unless `log_likelihood` does.
         dt : float
             Positive.
@@ -273,11 +220,7 @@ class ParticleFilter:
     def propose(
             self, measurement: ArrayLike | None = None, dt: float = 1.0,
             error: GaussianNoise | None = None) -> Proposed:
-        """
-        Draw the next particles; the filter stays as it is until they are weighted.
-
-        Parameters and errors are those of `step`.
-        """
+        """Draw the next particles, as `step` does, but leave the filter as it is: see `weight`."""
         if not dt > 0:
             raise ValueError(f'dt must be positive, not {dt!r}')
         if measurement is not None:
@@ -297,14 +240,9 @@ class ParticleFilter:
         proposed : Proposed
             From `propose`, with the same `dt`.
         log_likelihood : ndarray, shape (N,), or None
-            Of each proposed particle; None where nothing was seen.
+            Of each proposed particle; None where nothing was measured.
         dt : float
             The length of the step.
-
-        Raises
-        ------
-        ValueError
-            If the log-likelihood is of another shape.
 
         """
         belief = self.belief
@@ -338,12 +276,11 @@ class ParticleFilter:
     def _resampled(self, belief: Belief) -> Belief:
         indices = self._resample(belief.weights.values, self.particles, self._rng)
         covariances = belief.covariances
-        return Belief(
-            belief.states[indices], Weights.uniform(self.particles), belief.time,
-            None if covariances is None else covariances[indices],
-            belief.estimates, belief.estimate_times)
+        return replace(
+            belief, states=belief.states[indices], weights=Weights.uniform(self.particles),
+            covariances=None if covariances is None else covariances[indices])
 
-    def _spread(self, covariance: FloatArray) -> FloatArray | None:
+    def _copies(self, covariance: FloatArray) -> FloatArray | None:
         """Return a copy of the covariance for each particle, where the proposal keeps them."""
         if not self.proposal.keeps_covariances:
             return None
@@ -353,8 +290,15 @@ class ParticleFilter:
             self, estimates: tuple[FloatArray, ...], times: tuple[float, ...],
             mean: FloatArray, time: float,
             ) -> tuple[tuple[FloatArray, ...], tuple[float, ...]]:
-        """Return the past estimates with one more, no more than the proposal looks at."""
+        """Return the past estimates with one more, no more than the proposal uses."""
         window = self.proposal.window
         if not window:
             return (), ()
         return (*estimates, mean)[-window:], (*times, time)[-window:]
+
+    def _checked_states(self, states: ArrayLike) -> FloatArray:
+        """Return states of the model's dimension, at least one."""
+        checked = checked_array('states', states, (None, self.model.state_dimension))
+        if not len(checked):
+            raise ValueError('states must hold at least one state')
+        return checked

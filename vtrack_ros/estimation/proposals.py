@@ -1,21 +1,17 @@
-"""Proposals: where a particle filter looks for the next state."""
+"""Proposals, where a particle filter looks for the next state: the prior, Gaussian filters."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
 import numpy as np
 
-from vtrack_ros.estimation.belief import Belief, spread_about
-from vtrack_ros.estimation.gaussian import GaussianNoise
-from vtrack_ros.estimation.grey import series_forecast, SHORTEST_SERIES
-from vtrack_ros.estimation.model import StateSpaceModel
-from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
-
-SPREADS = ('forecast', 'predicted', 'moved')
+from vtrack_ros.estimation.kalman import (
+    covariance_factors, Gaussian, GaussianFilter, matrix_times)
+from vtrack_ros.estimation.model import FloatArray, GaussianNoise, StateSpaceModel
+from vtrack_ros.estimation.particles import Belief
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +39,12 @@ class Proposal(ABC):
     """
     A density to draw the next particles from.
 
-    A proposal holds no state: all that it looks at is in the belief, so one object may serve
-    several filters.
+    A proposal holds no state: all that it uses is in the belief, so one object may serve several
+    filters.
     """
 
     window: int = 0
-    """How many past estimates it looks at."""
+    """How many past estimates it uses."""
     keeps_covariances: bool = False
     """Whether each particle carries the covariance of its own Gaussian filter."""
 
@@ -89,142 +85,83 @@ class PriorProposal(Proposal):
         return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
 
 
-class GreyProposal(Proposal):
+class GaussianFilterProposal(Proposal):
     """
-    The grey proposal N(g_k, P_k) about a GM(1,1) forecast [Zhu2012, eqs 16-18].
+    A Gaussian filter for each particle, updated by the measurement [Qi2012, section 2.2].
 
-    g_k is the forecast of the last `window` estimates; until there are as many, particles come
-    from the transition prior. P_k is the spread of the previous particles about g_k (eq. 17).
-    As printed, nothing keeps P_k up once resampling has collapsed the particles: `floor` times
-    the process noise is added.
+    Particle i is drawn from the posterior N(x_hat_i, P_i) of its own filter. With
+    `KalmanFilter` or `ExtendedKalmanFilter` the particle filter is the KPF or EPF, with
+    `SigmaPointFilter` and a rule the UPF, QKPF or P-QKPF. Without a measurement particles come
+    from the transition prior.
 
     Parameters
     ----------
-    window : int
-        m, at least 4; the paper uses 5 and finds 4 to 6 good and 10 useless [Zhu2012, table 3].
-    floor : float
-        How much of the process noise is added to P_k, positive.
-    margin : float or None
-        That of `equivariant_forecast`; None takes the paper's formula, `gm11_forecast`, whose
-        forecast depends on where in the image the target is.
-    spread : {'forecast', 'predicted', 'moved'}
-        What P_k is the spread of: of the previous particles about the forecast (the paper), which
-        also holds the square of the forecast motion, so that the particles of a fast target
-        spread along its path; or of the particles moved on by the transition about their mean, so
-        that uncertain velocities widen it. 'moved' takes these particles themselves, moved so
-        that their mean is the forecast: mean and covariance are the same, but modes stay modes,
-        each particle has its predecessor, and nothing is factorised.
-    prior_share : float
-        The fraction of particles that the transition prior draws, in [0, 1); the proposal is then
-        the mixture of both densities. The paper has none. The forecast of a component that is
-        not measured feeds on itself, and a few steps of wrong forecasts can carry all particles
-        away from what the model allows; with a share s of prior particles the weight
-        `prior / proposal` is at most 1/s, and the filter comes back.
-    densities : bool
-        Whether the samples' densities are computed. Only the simplified weight does without; a
-        filter that needs them would take the samples for the transition prior's.
-    velocities : mapping of int to int, optional
-        Which component is the derivative of which, e.g. `{2: 0, 3: 1}`: it is then forecast as
-        the forecast change of that component over dt, in place of a series of its own.
-    steady : sequence of int, optional
-        Components that are expected to stay what they were last: of a series of small random
-        changes, a forecast is the noise, extrapolated.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
+    gaussian_filter : GaussianFilter
+        Usually for the model of the particle filter; another one of the same dimensions makes
+        another, still correct, proposal.
+    covariance : {'reset', 'kept'}
+        What covariance the filter of a particle starts a step with. 'reset': zero, for the
+        particle's state is given; the proposal then approximates the optimal one,
+        p(x_k | x_{k-1}, z_k). 'kept': that of its last posterior, as both papers print it; this
+        counts the uncertainty of x_{k-1} twice, once in the covariance and once in the spread of
+        the particles, and the proposal becomes wider than the optimal one.
+    inflation : float
+        How much of the predicted covariance is added to P_i for sampling, zero or more. A filter
+        that is too sure of itself (a strongly curved measurement, a noise with heavy tails)
+        leaves parts of the posterior without particles; inflation covers them.
 
     """
 
     def __init__(
-            self, window: int = 5, floor: float = 1.0, margin: float | None = 10.0,
-            spread: str = 'forecast', prior_share: float = 0.0,
-            densities: bool = True, velocities: Mapping[int, int] | None = None,
-            steady: Sequence[int] = ()) -> None:
-        self.window = checked_count('window', window, least=SHORTEST_SERIES)
-        self.floor = checked_positive('floor', floor)
-        self.margin = None if margin is None else checked_positive('margin', margin)
-        if spread not in SPREADS:
-            raise ValueError(f'unknown spread {spread!r}; valid are ' + ', '.join(SPREADS))
-        self.spread = spread
-        if not 0 <= prior_share < 1:
-            raise ValueError(f'prior_share must be in [0, 1), not {prior_share!r}')
-        self.prior_share = float(prior_share)
-        self.densities = densities
-        self.velocities = dict(velocities or {})
-        self.steady = list(steady)
+            self, gaussian_filter: GaussianFilter, covariance: str = 'reset',
+            inflation: float = 0.0) -> None:
+        if covariance not in ('reset', 'kept'):
+            raise ValueError(f'unknown covariance {covariance!r}; valid are reset, kept')
+        if not 0 <= inflation < math.inf:
+            raise ValueError(f'inflation must be zero or more, not {inflation!r}')
+        self.gaussian_filter = gaussian_filter
+        self.keeps_covariances = covariance == 'kept'
+        self.inflation = float(inflation)
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
             measurement: FloatArray | None = None,
             error: GaussianNoise | None = None) -> Proposed:
-        """Draw successors about g_k, and the prior's share from the transition."""
-        forecast = self.forecast(belief, dt)
-        predicted = model.transition(belief.states, dt, belief.time)
-        scatter = None if forecast is None else self._scatter(
-            model, belief, forecast, predicted, dt)
-        if forecast is None or scatter is None:
-            predicted += model.sample_noise(len(belief), dt, rng)
-            return Proposed(predicted)
-        centre = forecast
-        if self.spread == 'moved':
-            centre = predicted + (forecast - belief.weights.values @ predicted)
-        states = scatter.sample(len(predicted), rng)
-        states += centre
-        if self.prior_share:
-            chosen, = (rng.random(len(states)) < self.prior_share).nonzero()
-            states[chosen] = predicted[chosen] + model.sample_noise(len(chosen), dt, rng)
-        if not self.densities:
-            return Proposed(states)
-        log_density = scatter.log_density(states - centre)
-        if self.prior_share:
-            prior = model.log_noise_density(states - predicted, dt)
-            log_density = np.logaddexp(prior + math.log(self.prior_share),
-                                       log_density + math.log1p(-self.prior_share))
-        return Proposed(states, log_density)
+        """Draw each successor from the posterior of the particle's own filter."""
+        count, dimension = belief.states.shape
+        covariances = np.empty((count, dimension, dimension)) if self.keeps_covariances else None
+        if measurement is None:
+            states = model.sample_transition(belief.states, dt, rng, belief.time)
+            if covariances is not None:
+                for part in self.gaussian_filter.blocks(count):
+                    covariances[part] = self._predicted(belief, part, dt).covariance
+            return Proposed(states, None, covariances)
+        states = rng.standard_normal((count, dimension))
+        log_density = np.einsum('ij,ij->i', states, states)
+        log_density += dimension * math.log(2 * math.pi)
+        log_density *= -0.5
+        for part in self.gaussian_filter.blocks(count):
+            predicted = self._predicted(belief, part, dt)
+            posterior = self.gaussian_filter.update(
+                predicted, measurement, belief.time + dt, error).posterior
+            if covariances is not None:
+                covariances[part] = posterior.covariance
+            spread = posterior.covariance
+            if self.inflation:
+                spread += self.inflation * predicted.covariance
+            factors = covariance_factors(spread)
+            log_density[part] -= np.log(np.abs(np.einsum('nii->ni', factors))).sum(axis=1)
+            states[part] = matrix_times(factors, states[part])
+            states[part] += posterior.mean
+        return Proposed(states, log_density, covariances)
 
-    def forecast(self, belief: Belief, dt: float) -> FloatArray | None:
-        """
-        Return g_k, shape (n,), or None while there are too few estimates.
-
-        GM(1,1) takes a series for evenly spaced: where frames were dropped, estimates are
-        interpolated to even times, and a step of another length is that many steps.
-        """
-        if len(belief.estimates) < self.window:
-            return None
-        rows = [estimate.tolist() for estimate in belief.estimates[-self.window:]]
-        times = belief.estimate_times[-self.window:]
-        latest = rows[-1]
-        spacing = (times[-1] - times[0]) / (self.window - 1)
-        steps = dt / spacing if spacing > 0 else 1.0
-        gaps = [later - earlier for earlier, later in zip(times, times[1:])]
-        if max(gaps) - min(gaps) > 1e-6 * spacing:
-            even = np.linspace(times[0], times[-1], self.window)
-            rows = np.stack([np.interp(even, times, series) for series in zip(*rows)], 1).tolist()
-        known = (*self.velocities, *self.steady)
-        forecast = [
-            latest[i] if i in known else series_forecast(series, steps, self.margin)
-            for i, series in enumerate(zip(*rows))]
-        for velocity, position in self.velocities.items():
-            forecast[velocity] = (forecast[position] - latest[position]) / dt
-        return np.array(forecast)
-
-    def _scatter(
-            self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,
-            predicted: FloatArray, dt: float) -> GaussianNoise | None:
-        """Return what is drawn about the centre, or None where numbers left the floats' range."""
-        if not math.isfinite(forecast.sum()):
-            return None
-        noise = model.process_error(dt)
-        if self.spread == 'moved':
-            return noise if self.floor == 1 else GaussianNoise(
-                self.floor * noise.covariance, math.sqrt(self.floor) * noise.factor)
-        weights = belief.weights.values
-        covariance = (belief.spread_about(forecast) if self.spread == 'forecast'
-                      else spread_about(weights @ predicted, predicted, weights))
-        covariance += self.floor * noise.covariance
-        try:
-            return GaussianNoise.from_covariance(covariance)
-        except ValueError:
-            return None
+    def _predicted(self, belief: Belief, part: slice, dt: float) -> Gaussian:
+        """Return the predictions of some of the particles' filters."""
+        states = belief.states[part]
+        if self.keeps_covariances and belief.covariances is not None:
+            prior = Gaussian(states, belief.covariances[part])
+            return self.gaussian_filter.predict(prior, dt, belief.time)
+        model = self.gaussian_filter.model
+        noise = model.process_noise(dt)
+        return Gaussian(model.transition(states, dt, belief.time),
+                        np.broadcast_to(noise, (len(states), *noise.shape)))

@@ -6,12 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vtrack_ros.estimation.gaussian import covariance_factors, GaussianNoise
 from vtrack_ros.estimation.kalman import (
-    GaussianFilter, innovate, matrix_times, symmetrised)
-from vtrack_ros.estimation.model import StateSpaceModel
+    covariance_factors, GaussianFilter, innovate, matrix_times, symmetrised)
+from vtrack_ros.estimation.model import FloatArray, GaussianNoise, StateSpaceModel
 from vtrack_ros.estimation.sigma_points import RuleFactory
-from vtrack_ros.estimation.validation import FloatArray
 
 
 class SigmaPointFilter(GaussianFilter):

@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.estimation.validation import checked_count, checked_positive, FloatArray
+from vtrack_ros.estimation.model import checked_count, checked_positive, FloatArray
 
 MOST_POINTS = 1_000_000
 """What a product rule may have; more would only fill the memory."""
@@ -76,11 +76,6 @@ def unscented(
         negative: no weight is negative then. For n = 1 the default is the Gauss-Hermite rule of
         order 3.
 
-    Raises
-    ------
-    ValueError
-        If the dimension isn't positive, or alpha or n + kappa isn't.
-
     """
     n = checked_count('dimension', dimension)
     checked_positive('alpha', alpha)
@@ -96,15 +91,7 @@ def unscented(
 
 
 def cubature(dimension: int) -> SigmaPointRule:
-    """
-    Return the third-degree spherical-radial rule: 2n points (Arasaratnam and Haykin, 2009).
-
-    Raises
-    ------
-    ValueError
-        If the dimension isn't positive.
-
-    """
+    """Return the third-degree spherical-radial rule: 2n points (Arasaratnam and Haykin, 2009)."""
     n = checked_count('dimension', dimension)
     radius = math.sqrt(n) * np.eye(n)
     weights = np.full(2 * n, 0.5 / n)
@@ -116,13 +103,7 @@ def gauss_hermite(dimension: int, order: int = 3) -> SigmaPointRule:
     Return the product rule of m Gauss-Hermite points in each dimension: m^n points.
 
     It integrates every polynomial exactly whose degree in each variable is 2m - 1 or less
-    (Arasaratnam, Haykin and Elliott, 2007).
-
-    Raises
-    ------
-    ValueError
-        If the dimension or order isn't positive, or there would be too many points.
-
+    (Arasaratnam, Haykin and Elliott, 2007). ValueError where there would be too many points.
     """
     n = checked_count('dimension', dimension)
     order = checked_count('order', order)

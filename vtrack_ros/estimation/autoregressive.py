@@ -1,82 +1,12 @@
-"""Linear models of motion: constant velocity and autoregressive ones."""
+"""Autoregressive models of motion, of first and second order."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtrack_ros.estimation.model import LinearModel
-from vtrack_ros.estimation.validation import (
-    checked_array, checked_count, checked_positive, FloatArray)
-
-
-class ConstantVelocity(LinearModel):
-    """
-    Positions that move at nearly constant velocity, and components that wander slowly.
-
-    The state is `[p_1 .. p_d, v_1 .. v_d, s_1 .. s_c]`; with d = c = 2 it is the paper's
-    `[cx, cy, vx, vy, Hx, Hy]` [Zhu2012, eq. 19]. Velocities are driven by white acceleration of
-    the given spectral density (Bar-Shalom, Li and Kirubarajan, 2001, section 6.2.2), so Q(dt) is
-    positive definite and two steps of dt equal one of 2 dt. What is measured is p, or p and s.
-
-    Parameters
-    ----------
-    positions : int
-        d, at least one.
-    wandering : int
-        c, the number of components that follow a random walk.
-    acceleration_density : float, [unit^2/s^3]
-        Of the white acceleration.
-    wander_density : float, [unit^2/s]
-        The variance that the random walk gains per unit of time.
-    measurement_noise : array_like, shape (d, d) or (d + c, d + c), optional, [unit^2]
-        Its size says what is measured; by default the positions alone, with unit variance.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range or of the wrong shape.
-
-    """
-
-    def __init__(
-            self, positions: int = 2, wandering: int = 0, acceleration_density: float = 1.0,
-            wander_density: float = 1.0, measurement_noise: ArrayLike | None = None) -> None:
-        self.positions = checked_count('positions', positions)
-        self.wandering = checked_count('wandering', wandering, least=0)
-        self.acceleration_density = checked_positive('acceleration_density', acceleration_density)
-        self.wander_density = checked_positive('wander_density', wander_density)
-        noise = np.eye(positions) if measurement_noise is None else np.asarray(measurement_noise)
-        measured = (positions, positions + wandering)
-        if noise.shape not in [(size, size) for size in measured]:
-            raise ValueError('measurement_noise must be a square matrix of size '
-                             f'{" or ".join(str(size) for size in measured)}, '
-                             f'not of shape {noise.shape}')
-        super().__init__(_selection(len(noise), positions, wandering), noise)
-
-    def transition_matrix(self, dt: float) -> FloatArray:
-        """Return F, shape (n, n): each position gains dt times its velocity."""
-        d = self.positions
-        matrix = np.eye(self.state_dimension)
-        matrix[:d, d:2 * d] = dt * np.eye(d)
-        return matrix
-
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the expected states after `dt`, shape (N, n)."""
-        d = self.positions
-        expected = states.copy()
-        expected[:, :d] += dt * states[:, d:2 * d]
-        return expected
-
-    def process_noise(self, dt: float) -> FloatArray:
-        """Return Q(dt), shape (n, n), of the integrated white acceleration."""
-        d = self.positions
-        noise = np.diag(np.full(self.state_dimension, self.wander_density * dt))
-        eye = self.acceleration_density * np.eye(d)
-        noise[:d, :d] = eye * dt ** 3 / 3
-        noise[:d, d:2 * d] = noise[d:2 * d, :d] = eye * dt ** 2 / 2
-        noise[d:2 * d, d:2 * d] = eye * dt
-        return noise
+from vtrack_ros.estimation.model import (
+    checked_array, checked_positive, FloatArray, LinearModel)
 
 
 class FirstOrderAutoregressive(LinearModel):
@@ -95,11 +25,6 @@ class FirstOrderAutoregressive(LinearModel):
     measurement_noise : array_like, shape (n, n)
     mean : array_like, shape (n,), optional
         Zero by default.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range or of the wrong shape.
 
     """
 
@@ -156,11 +81,6 @@ class SecondOrderAutoregressive(LinearModel):
     lag_noise : float
         Relative variance of the copy, positive.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range or of the wrong shape.
-
     """
 
     def __init__(
@@ -192,11 +112,3 @@ class SecondOrderAutoregressive(LinearModel):
 
     def _steps(self, dt: float) -> int:
         return max(1, round(dt / self.period))
-
-
-def _selection(measured: int, positions: int, wandering: int) -> FloatArray:
-    """Return the matrix that picks positions (and wandering components) out of the state."""
-    matrix = np.zeros((measured, 2 * positions + wandering))
-    matrix[:positions, :positions] = np.eye(positions)
-    matrix[positions:, 2 * positions:] = np.eye(measured - positions, wandering)
-    return matrix

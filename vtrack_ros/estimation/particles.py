@@ -1,0 +1,267 @@
+"""Weighted particle sets: log-weights, the belief that they stand for, and resampling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.estimation.model import checked_count, FloatArray
+
+Indices: TypeAlias = NDArray[np.intp]
+Resampler: TypeAlias = Callable[[FloatArray, int, np.random.Generator], Indices]
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """
+    Normalised importance weights, made by `from_log` or `uniform`.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        Non-negative, with sum one.
+    logarithms : ndarray, shape (N,)
+        Their logarithms; -inf for a weight of zero.
+    log_evidence : float
+        The logarithm of the sum before normalisation; -inf where nothing had any weight.
+    recovered : bool
+        Whether no weight was left, so that these are the fallback.
+
+    """
+
+    values: FloatArray
+    logarithms: FloatArray
+    log_evidence: float = 0.0
+    recovered: bool = False
+
+    @classmethod
+    def from_log(cls, log_weights: FloatArray, fallback: Weights | None = None) -> Weights:
+        """
+        Normalise log-weights, whatever their size; the result is never NaN.
+
+        A NaN or +inf is a defect of a likelihood, not information: such a particle gets no
+        weight. Where no particle has any (nothing explains the measurement), the result is the
+        fallback with `recovered` set: the measurement is ignored, and the caller can count it.
+
+        Parameters
+        ----------
+        log_weights : ndarray, shape (N,)
+            Not normalised; -inf means no weight. ValueError unless it's a non-empty vector.
+        fallback : Weights, optional
+            Those to return if no weight is left, usually those of before the measurement;
+            uniform by default.
+
+        """
+        log_weights = np.asarray(log_weights, dtype=np.float64)
+        if log_weights.ndim != 1 or not log_weights.size:
+            raise ValueError(
+                f'log_weights must be a non-empty vector, not of shape {log_weights.shape}')
+        peak = log_weights.max()
+        if not math.isfinite(peak):
+            usable = np.isfinite(log_weights)
+            if not usable.any():
+                rest = fallback if fallback is not None else cls.uniform(len(log_weights))
+                return cls(rest.values, rest.logarithms, -math.inf, True)
+            log_weights = np.where(usable, log_weights, -math.inf)
+            peak = log_weights.max()
+        values = np.exp(log_weights - peak)
+        total = values.sum()
+        values /= total
+        log_total = float(peak) + math.log(total)
+        return cls(values, log_weights - log_total, log_total)
+
+    @staticmethod
+    @lru_cache(maxsize=16)
+    def uniform(count: int) -> Weights:
+        """Return `count` equal weights."""
+        checked_count('count', count)
+        values, logarithms = np.full(count, 1.0 / count), np.full(count, -math.log(count))
+        values.flags.writeable = logarithms.flags.writeable = False
+        return Weights(values, logarithms)
+
+    def __len__(self) -> int:
+        """Return the number of weights."""
+        return len(self.values)
+
+    @cached_property
+    def effective_sample_size(self) -> float:
+        """Return the Kish effective sample size, `1 / sum w^2`: from 1 to N."""
+        return float(1.0 / (self.values @ self.values))
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """
+    A weighted particle set at one time, and what proposals need besides.
+
+    Parameters
+    ----------
+    states : ndarray, shape (N, n)
+    weights : Weights
+    time : float
+    covariances : ndarray, shape (N, n, n), optional
+        Of each particle's own Gaussian filter, where the proposal keeps them.
+    estimates : tuple of ndarray, each of shape (n,)
+        The last means, oldest first; as many as the proposal's window.
+    estimate_times : tuple of float
+        The times of the estimates.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of states, weights and covariances differ.
+
+    """
+
+    states: FloatArray
+    weights: Weights
+    time: float = 0.0
+    covariances: FloatArray | None = None
+    estimates: tuple[FloatArray, ...] = ()
+    estimate_times: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check that the parts belong together."""
+        if self.states.ndim != 2 or len(self.states) != len(self.weights):
+            raise ValueError(f'states must have the shape ({len(self.weights)}, n) of the '
+                             f'weights, not {self.states.shape}')
+        wanted = (*self.states.shape, self.states.shape[1])
+        if self.covariances is not None and self.covariances.shape != wanted:
+            raise ValueError(f'covariances must have the shape {wanted}, '
+                             f'not {self.covariances.shape}')
+        if len(self.estimates) != len(self.estimate_times):
+            raise ValueError(f'{len(self.estimates)} estimates have '
+                             f'{len(self.estimate_times)} estimate_times')
+
+    def __len__(self) -> int:
+        """Return the number of particles."""
+        return len(self.states)
+
+    @cached_property
+    def mean(self) -> FloatArray:
+        """Return the weighted mean, shape (n,) [Zhu2012, eq. 6]."""
+        return self.weights.values @ self.states
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Return the weighted covariance about the mean, shape (n, n) [Zhu2012, eq. 7]."""
+        return spread_about(self.mean, self.states, self.weights.values)
+
+
+def spread_about(centre: FloatArray, states: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return `sum_i w_i (x_i - c)(x_i - c)^T` of (N, n) states about c, shape (n, n)."""
+    deviation = states - centre
+    spread: FloatArray = (deviation.T * weights) @ deviation
+    return spread
+
+
+def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
+    """
+    Resample with one uniform number: the points (j + u) / count on the cumulated weights.
+
+    Each scheme returns ascending indices in time O(N + count); particle i is drawn
+    `count * weights[i]` times on average. They differ in the variance of that number (Douc, Cappe
+    and Moulines, 2005): multinomial has the largest, residual and stratified have less,
+    systematic usually least.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (N,)
+        Non-negative; need not be normalised.
+    count : int
+        How many indices to draw, at least one.
+    rng : numpy.random.Generator
+        Where randomness comes from.
+
+    Returns
+    -------
+    ndarray of intp, shape (count,)
+
+    Raises
+    ------
+    ValueError
+        If the weights aren't finite, non-negative and with a positive sum, or `count` < 1.
+
+    """
+    return _offspring(_cumulated(weights, count), rng.random())
+
+
+def stratified(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
+    """Resample with one uniform number in each of `count` equal strata; see `systematic`."""
+    cumulated = _cumulated(weights, count)
+    stratum = np.minimum(cumulated.astype(np.intp), count - 1)
+    points = rng.random(count)
+    cumulated -= stratum
+    ends = stratum + (points[stratum] < cumulated).astype(np.float64)
+    ends[-1] = count
+    return _offspring(ends)
+
+
+def residual(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
+    """Resample floor(count * weight) copies of each, the rest as `multinomial`."""
+    expected = weights / _checked_total(weights, count) * count
+    copies = np.floor(expected)
+    remaining = count - int(copies.sum())
+    if remaining > 0:
+        rest = expected - copies
+        total = rest.sum()
+        if total > 0:
+            copies += rng.multinomial(remaining, rest / total)
+        else:
+            copies[np.argmax(expected)] += remaining
+    return np.repeat(np.arange(len(copies)), copies.astype(np.intp))
+
+
+def multinomial(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
+    """Resample independently; the number of copies is multinomial; see `systematic`."""
+    copies = rng.multinomial(count, weights / _checked_total(weights, count))
+    return np.repeat(np.arange(len(copies)), copies)
+
+
+RESAMPLERS: dict[str, Resampler] = {
+    'systematic': systematic, 'stratified': stratified, 'residual': residual,
+    'multinomial': multinomial}
+
+
+def resampler(scheme: str) -> Resampler:
+    """Return a resampling scheme by name; ValueError where there is none."""
+    if scheme not in RESAMPLERS:
+        raise ValueError(f'unknown resampling scheme {scheme!r}; valid are '
+                         + ', '.join(RESAMPLERS))
+    return RESAMPLERS[scheme]
+
+
+def _checked_total(weights: FloatArray, count: int) -> float:
+    """Return the sum of the weights, if they can be resampled."""
+    checked_count('count', count)
+    if weights.ndim != 1 or not weights.size:
+        raise ValueError(f'weights must be a non-empty vector, not of shape {weights.shape}')
+    total = float(weights.sum())
+    # The negation catches NaN as well.
+    if not (weights.min() >= 0 and 0 < total < math.inf):
+        raise ValueError('weights must be finite, non-negative and not all zero')
+    return total
+
+
+def _cumulated(weights: FloatArray, count: int) -> FloatArray:
+    """Return the cumulated weights, scaled so that the last is exactly `count`."""
+    _checked_total(weights, count)
+    cumulated = weights.cumsum()
+    cumulated *= count / float(cumulated[-1])
+    cumulated[-1] = count
+    return cumulated
+
+
+def _offspring(ends: FloatArray, shift: float = 0.0) -> Indices:
+    """Return the indices, given where on the axis of points 0 + u, 1 + u, ... each one ends."""
+    ends -= shift
+    copies = np.ceil(ends, out=ends).astype(np.intp)
+    del ends
+    copies[1:] -= copies[:-1].copy()
+    return np.repeat(np.arange(len(copies)), copies)
