@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry.ellipse import (
-    axes_of_bandwidth, bandwidth_of_axes, bounds_of_bandwidth, SIGMA,
-    square_root, turned)
+    axes_of_bandwidth, bounds_of_bandwidth, SIGMA, square_root, turned)
+
+
+def bandwidth_of_axes(major, minor, angle):
+    """Return H of the ellipse whose border is sigma bandwidths away [Yin2013, eq. 8]."""
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return turn @ np.diag([major, minor]) ** 2 @ turn.T / SIGMA**2
 
 
 @pytest.mark.parametrize('major, minor, angle', [

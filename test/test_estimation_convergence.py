@@ -5,16 +5,17 @@ import math
 
 import numpy as np
 import pytest
+from random_walk import RandomWalk
 
 from vtrack_ros.estimation import (
-    ConstantVelocity, cubature, ExtendedKalmanFilter, FirstOrderAutoregressive, gauss_hermite,
-    Gaussian, GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal,
+    ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
+    GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal,
     pruned_gauss_hermite, RESAMPLERS, SigmaPointFilter, simulate, unscented, VanDerMerweModel)
 
 STEPS = 12
 RUNS = 40
 MODELS = {
-    'walk': FirstOrderAutoregressive([0.95], [1.0], [[0.5]]),
+    'walk': RandomWalk(0.95, 1.0, 0.5),
     'velocity': ConstantVelocity(1, 0, 0.5, 1.0, [[1.0]]),
 }
 

@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from random_walk import RandomWalk
 
 from vtrack_ros.estimation import (
-    BearingRange, ConstantVelocity, covariance_factors, cubature,
-    ExtendedKalmanFilter, FirstOrderAutoregressive, gauss_hermite, Gaussian, GaussianNoise,
-    KalmanFilter, LinearModel, pruned_gauss_hermite, SecondOrderAutoregressive, SigmaPointFilter,
-    simulate, UnivariateNonstationaryGrowth, unscented, VanDerMerweModel)
+    BearingRange, ConstantVelocity, covariance_factors, cubature, ExtendedKalmanFilter,
+    gauss_hermite, Gaussian, GaussianNoise, KalmanFilter, LinearModel, pruned_gauss_hermite,
+    SigmaPointFilter, simulate, UnivariateNonstationaryGrowth, unscented, VanDerMerweModel)
 
 RULES = {
     'unscented': unscented,
@@ -32,8 +32,7 @@ FILTERS = {
 LINEAR = {
     'constant velocity': ConstantVelocity(2, 1, 0.5, 0.3, [[2.0, 0.5], [0.5, 1.0]]),
     'sizes measured': ConstantVelocity(1, 1, 0.5, 0.3, [[2.0, 0.5], [0.5, 1.0]]),
-    'autoregressive 1': FirstOrderAutoregressive([0.9, 0.8], [0.5, 1.0], np.eye(2), [1.0, -2.0]),
-    'autoregressive 2': SecondOrderAutoregressive([1.8], [-0.9], [0.4], [[1.0]]),
+    'walk about a mean': RandomWalk(0.9, 0.5, 1.0, mean=-2.0),
 }
 
 

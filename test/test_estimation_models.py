@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from random_walk import RandomWalk
 
 from vtrack_ros.estimation import (
-    BearingRange, central_differences, ConstantVelocity, FirstOrderAutoregressive,
-    SecondOrderAutoregressive, simulate, UnivariateNonstationaryGrowth,
+    BearingRange, central_differences, ConstantVelocity, simulate, UnivariateNonstationaryGrowth,
     VanDerMerweModel)
 
 MODELS = {
     'constant velocity': ConstantVelocity(2, 2, 0.7, 0.2),
-    'autoregressive 1': FirstOrderAutoregressive([0.9, 1.0], [0.5, 0.1], np.eye(2), [3.0, -1.0]),
-    'autoregressive 2': SecondOrderAutoregressive([1.8], [-0.9], [0.4], [[1.0]]),
+    'walk': RandomWalk(0.9, 0.5, 1.0, mean=3.0),
     'ung': UnivariateNonstationaryGrowth(),
     'van der merwe': VanDerMerweModel(),
     'bearing range 4': BearingRange(2),
@@ -109,7 +108,7 @@ def test_the_likelihood_is_gaussian_about_the_measurement(model, time):
     assert model.log_likelihood(states[:1], z, time)[0] == pytest.approx(peak - 0.5)
 
 
-@pytest.mark.parametrize('name', ['constant velocity', 'autoregressive 1', 'autoregressive 2'])
+@pytest.mark.parametrize('name', ['constant velocity', 'walk'])
 def test_two_steps_are_one_of_twice_the_length(name):
     model = MODELS[name]
     once, twice = model.transition_matrix(1.0), model.transition_matrix(2.0)
@@ -130,13 +129,6 @@ def test_constant_velocity_moves_at_constant_velocity():
     whole = ConstantVelocity(2, 2, measurement_noise=np.eye(4))
     assert whole.measured_components == (0, 1, 4, 5)
     np.testing.assert_allclose(whole.measure(moved), [[11.5, 18.0, 7.0, 8.0]])
-
-
-def test_second_order_autoregression_extrapolates():
-    """With 2 and -1 the next place is y + (y - y_before) [Yin2013, eq. 6]."""
-    model = SecondOrderAutoregressive([2.0, 2.0], [-1.0, -1.0], [1.0, 1.0], np.eye(2))
-    np.testing.assert_allclose(
-        model.transition(np.array([[5.0, 1.0, 3.0, 2.0]]), 1.0), [[7.0, 0.0, 5.0, 1.0]])
 
 
 def test_ung_by_hand():
@@ -186,10 +178,6 @@ def test_simulation_is_seeded_and_of_the_right_shape(model):
     (lambda: ConstantVelocity(wander_density=-1.0), 'wander_density'),
     (lambda: ConstantVelocity(2, 2, measurement_noise=np.eye(3)), 'measurement_noise'),
     (lambda: ConstantVelocity(measurement_noise=-np.eye(2)), 'measurement_noise'),
-    (lambda: FirstOrderAutoregressive([1.1], [1.0], [[1.0]]), 'coefficient'),
-    (lambda: FirstOrderAutoregressive([0.9], [0.0], [[1.0]]), 'noise'),
-    (lambda: FirstOrderAutoregressive([0.9], [1.0, 1.0], [[1.0]]), 'noise'),
-    (lambda: SecondOrderAutoregressive([2.0], [-1.0], [1.0], [[1.0]], period=0.0), 'period'),
     (lambda: UnivariateNonstationaryGrowth(process_variance=0.0), 'process_variance'),
     (lambda: VanDerMerweModel(measurement_variance=math.nan), 'measurement_variance'),
     (lambda: VanDerMerweModel(rate=-2.0), 'rate'),

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from random_walk import RandomWalk
 
 from vtrack_ros.estimation import (
-    Belief, ConstantVelocity, FirstOrderAutoregressive, Gaussian, GaussianFilterProposal,
-    GaussianNoise, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal, spread_about,
-    Weights)
+    Belief, ConstantVelocity, Gaussian, GaussianFilterProposal, GaussianNoise, GreyProposal,
+    KalmanFilter, ParticleFilter, PriorProposal, spread_about, Weights)
 
 
 def make(model=None, proposal=None, **options):
@@ -159,7 +159,7 @@ def test_the_grey_proposal_is_the_prior_until_there_are_enough_estimates():
 
 
 def test_the_grey_density_is_the_one_that_it_samples():
-    model = FirstOrderAutoregressive([1.0], [0.5], [[1.0]])
+    model = RandomWalk(1.0, 0.5, 1.0)
     states = np.random.default_rng(2).normal(10.0, 2.0, (40000, 1))
     estimates = tuple(np.array([value]) for value in (6.0, 7.0, 8.0, 9.0, 10.0))
     belief = Belief(states, Weights.uniform(40000), 5.0, None, estimates,
@@ -310,7 +310,8 @@ def test_full_weights_are_the_paper_s():
     ({'particles': 0}, 'particles'), ({'particles': 1.5}, 'particles'),
     ({'particles': math.nan}, 'particles'), ({'particles': 'many'}, 'particles'),
     ({'threshold': 1.5}, 'threshold'), ({'threshold': math.nan}, 'threshold'),
-    ({'resampling': 'roulette'}, 'resampling'), ({'weighting': 'none'}, 'weighting')])
+    ({'resampling': 'roulette'}, 'systematic, stratified, residual, multinomial'),
+    ({'weighting': 'none'}, 'full, simplified')])
 def test_wrong_options_are_refused(options, name):
     with pytest.raises(ValueError, match=name):
         make(**options)

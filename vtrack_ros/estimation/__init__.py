@@ -1,8 +1,8 @@
 """
 Bayesian filters on any state-space model; they know no pixels and no ROS.
 
-- Models say how a state moves and what is measured of it: `ConstantVelocity`, autoregressive and
-  nonlinear ones, or a `StateSpaceModel` (`LinearModel`) of one's own.
+- Models say how a state moves and what is measured of it: `ConstantVelocity`, nonlinear ones, or a
+  `StateSpaceModel` (`LinearModel`) of one's own.
 - A `GaussianFilter` estimates a `Gaussian`: `KalmanFilter`, `ExtendedKalmanFilter`, or
   `SigmaPointFilter` with a rule of sigma points.
 - A `ParticleFilter` estimates a `Belief`, a weighted particle set; its `Proposal` makes it the PF,
@@ -23,8 +23,6 @@ Bayesian filters on any state-space model; they know no pixels and no ROS.
 
 """
 
-from vtrack_ros.estimation.autoregressive import (
-    FirstOrderAutoregressive, SecondOrderAutoregressive)
 from vtrack_ros.estimation.grey import gm11_forecast, GreyProposal
 from vtrack_ros.estimation.indices import composite_index
 from vtrack_ros.estimation.kalman import (
@@ -36,7 +34,7 @@ from vtrack_ros.estimation.nonlinear_models import (
     BearingRange, simulate, UnivariateNonstationaryGrowth, VanDerMerweModel)
 from vtrack_ros.estimation.particle_filter import FilterStep, ParticleFilter
 from vtrack_ros.estimation.particles import (
-    Belief, resampler, RESAMPLERS, spread_about, Weights)
+    Belief, RESAMPLERS, spread_about, Weights)
 from vtrack_ros.estimation.proposals import (
     GaussianFilterProposal, PriorProposal, Proposal, Proposed)
 from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
@@ -47,11 +45,11 @@ from vtrack_ros.estimation.sigma_points import (
 __all__ = [
     'BearingRange', 'Belief', 'central_differences', 'composite_index', 'ConstantVelocity',
     'covariance_factors', 'cubature', 'ExtendedKalmanFilter', 'FilterStep',
-    'FirstOrderAutoregressive', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
+    'gauss_hermite', 'Gaussian', 'GaussianFilter',
     'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
     'KalmanFilter', 'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',
-    'pruned_gauss_hermite', 'pruning_threshold', 'resampler', 'RESAMPLERS', 'RuleFactory',
-    'SecondOrderAutoregressive', 'SigmaPointFilter', 'SigmaPointRule', 'simulate',
+    'pruned_gauss_hermite', 'pruning_threshold', 'RESAMPLERS', 'RuleFactory',
+    'SigmaPointFilter', 'SigmaPointRule', 'simulate',
     'spread_about', 'StateSpaceModel', 'UnivariateNonstationaryGrowth', 'unscented',
     'VanDerMerweModel', 'Weights',
 ]

@@ -61,9 +61,9 @@ class AffineParticles(ABC):
         dt : float, [frames]
             The time since the last step.
         sigmas : ndarray, shape (6,)
-            Standard deviations of the noise a frame, in the order of `affine.BASIS`.
+            Standard deviations of the noise a frame, in the order of `affine.from_coordinates`.
         autoregression : float
-            The a of the autoregressive process.
+            The a of the autoregressive process, where there is one.
         move : ndarray, shape (3, 3), optional
             A measured movement in the image, p' = move p.
         share : float
@@ -100,20 +100,15 @@ class AffineParticles(ABC):
 
     def _allowed(self, states: Array) -> NDArray[np.bool_]:
         """Tell which states have a size, shape and place that a target may have, shape (N,)."""
-        linear = states[:, :2, :2]
-        determinant = linear[:, 0, 0] * linear[:, 1, 1] - linear[:, 0, 1] * linear[:, 1, 0]
         scale = affine.scale(states)
         relative = scale / self._first_scale
         center = states[:, :2, 2]
         margin = scale[:, None]
         near = ((center > -margin) & (center < self._limit + margin)).all(1)
         allowed: NDArray[np.bool_] = (
-            near & (determinant > 0) & (relative > _SMALLEST) & (relative < _LARGEST)
-            & (affine.stretch(states) < _SLIMMEST))
+            near & (affine.determinant(states[:, :2, :2]) > 0) & (relative > _SMALLEST)
+            & (relative < _LARGEST) & (affine.stretch(states) < _SLIMMEST))
         return allowed
-
-    def _followers(self, move: Array | None, share: float) -> int:
-        return 0 if move is None else round(share * len(self.states))
 
 
 class GroupParticles(AffineParticles):
@@ -138,8 +133,9 @@ class GroupParticles(AffineParticles):
         drift = autoregression * dt * self.velocities
         base = before
         # particles come in the order of resampling, so that the followers are spread evenly
-        followers = np.linspace(0, len(before) - 1, self._followers(move, share)).astype(int)
-        if len(followers):
+        count = 0 if move is None else round(share * len(before))
+        followers = np.linspace(0, len(before) - 1, count).astype(int)
+        if count:
             base = before.copy()
             base[followers] = move @ before[followers]
             drift[followers] = 0

@@ -12,7 +12,7 @@ PAPER_WEIGHTS = (0.5, 0.3, 0.2)
 
 def composite_index(criteria: ArrayLike, weights: ArrayLike = PAPER_WEIGHTS) -> FloatArray:
     """
-    Return the composite evaluation index CEI of each algorithm [Zhu2012, eq. 21].
+    Return the composite evaluation index of each algorithm, shape (algorithms,) [Zhu2012, eq. 21].
 
     `CEI(X_k) = sum_i w_i C_i(X_k) / max_j C_i(X_j)`: from 0 to 1, smaller is better. It is
     relative to the worst of those compared: adding an algorithm changes the others' index.
@@ -23,15 +23,6 @@ def composite_index(criteria: ArrayLike, weights: ArrayLike = PAPER_WEIGHTS) -> 
         Each zero or more, the smaller the better. A criterion that is zero for all counts zero.
     weights : array_like, shape (criteria,)
         Of the criteria, zero or more, with sum one.
-
-    Returns
-    -------
-    ndarray, shape (algorithms,)
-
-    Raises
-    ------
-    ValueError
-        If a shape is wrong, a value negative, or the sum of the weights isn't one.
 
     """
     weights = checked_array('weights', weights, (None,))

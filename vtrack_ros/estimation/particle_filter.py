@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.model import (
     checked_array, checked_count, checked_covariance, FloatArray, GaussianNoise, StateSpaceModel)
-from vtrack_ros.estimation.particles import Belief, resampler, Weights
+from vtrack_ros.estimation.particles import Belief, RESAMPLERS, Weights
 from vtrack_ros.estimation.proposals import PriorProposal, Proposal, Proposed
 
 LogLikelihood: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -96,13 +96,14 @@ class ParticleFilter:
         self.model = model
         self.proposal = proposal if proposal is not None else PriorProposal()
         self.particles = checked_count('particles', particles)
-        self._resample = resampler(resampling)
+        for name, value, valid in (('resampling', resampling, RESAMPLERS),
+                                   ('weighting', weighting, WEIGHTINGS)):
+            if value not in valid:
+                raise ValueError(f'unknown {name} {value!r}; valid are ' + ', '.join(valid))
+        self._resample = RESAMPLERS[resampling]
         if not 0 <= threshold <= 1:
             raise ValueError(f'threshold must be from 0 to 1, not {threshold!r}')
         self.threshold = float(threshold)
-        if weighting not in WEIGHTINGS:
-            raise ValueError(f'unknown weighting {weighting!r}; valid are '
-                             + ', '.join(WEIGHTINGS))
         self.weighting = weighting
         self.recoveries = 0
         self._rng = rng
@@ -170,11 +171,7 @@ class ParticleFilter:
         return self._belief
 
     def correct_estimate(self, estimate: ArrayLike) -> None:
-        """
-        Replace the latest of the past estimates, shape (n,), that proposals use, if any do.
-
-        For a caller whose estimate is better than the particles' mean. The particles stay.
-        """
+        """Replace the latest estimate, shape (n,), that a forecast uses; the particles stay."""
         latest = checked_array('estimate', estimate, (self.model.state_dimension,))
         belief = self.belief
         if belief.estimates:
@@ -199,11 +196,6 @@ class ParticleFilter:
             a measurement the step is a pure prediction.
         error : GaussianNoise, optional
             The measurement's error, where it differs from the model's.
-
-        Raises
-        ------
-        ValueError
-            If the filter hasn't been started, dt isn't positive, or a shape is wrong.
 
         """
         proposed = self.propose(measurement, dt, error)

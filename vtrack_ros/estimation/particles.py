@@ -165,23 +165,10 @@ def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> Ind
     """
     Resample with one uniform number: the points (j + u) / count on the cumulated weights.
 
-    Each scheme returns ascending indices in time O(N + count); particle i is drawn
-    `count * weights[i]` times on average. They differ in the variance of that number (Douc, Cappe
-    and Moulines, 2005): multinomial has the largest, residual and stratified have less,
-    systematic usually least.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (N,)
-        Non-negative; need not be normalised.
-    count : int
-        How many indices to draw, at least one.
-    rng : numpy.random.Generator
-        Where randomness comes from.
-
-    Returns
-    -------
-    ndarray of intp, shape (count,)
+    Each scheme takes weights, shape (N,), that need not be normalised, and returns `count`
+    ascending indices in time O(N + count); particle i is drawn `count * weights[i]` times on
+    average. They differ in the variance of that number (Douc, Cappe and Moulines, 2005):
+    multinomial has the largest, residual and stratified have less, systematic usually least.
 
     Raises
     ------
@@ -227,14 +214,6 @@ def multinomial(weights: FloatArray, count: int, rng: np.random.Generator) -> In
 RESAMPLERS: dict[str, Resampler] = {
     'systematic': systematic, 'stratified': stratified, 'residual': residual,
     'multinomial': multinomial}
-
-
-def resampler(scheme: str) -> Resampler:
-    """Return a resampling scheme by name; ValueError where there is none."""
-    if scheme not in RESAMPLERS:
-        raise ValueError(f'unknown resampling scheme {scheme!r}; valid are '
-                         + ', '.join(RESAMPLERS))
-    return RESAMPLERS[scheme]
 
 
 def _checked_total(weights: FloatArray, count: int) -> float:

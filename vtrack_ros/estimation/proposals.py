@@ -54,23 +54,10 @@ class Proposal(ABC):
             measurement: FloatArray | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         """
-        Draw one successor for each particle.
+        Draw one successor for each particle of the belief of before the step.
 
-        Parameters
-        ----------
-        model : StateSpaceModel
-            Of the state's motion and measurement.
-        belief : Belief
-            Of before the step.
-        dt : float
-            The length of the step.
-        rng : numpy.random.Generator
-            Where randomness comes from.
-        measurement : ndarray, shape (m,), optional
-            At the end of the step; None where there is none.
-        error : GaussianNoise, optional
-            The measurement's error, where it differs from the model's.
-
+        The measurement, shape (m,), is of the end of the step, which is `dt` long; its error is
+        given where it differs from the model's.
         """
 
 

@@ -128,10 +128,8 @@ def pruning_threshold(dimension: int, order: int, printed: bool = False) -> floa
 
     As printed it is `omega_1 omega_floor((m+1)/2) / m` [Qi2012, eq. 20], of the m ordered
     one-dimensional weights: the smallest and the one in the middle. This is the two-dimensional
-    case of `omega_1 omega_mid / m^(n-1)`, the usual threshold of multivariate Gauss-Hermite rules
-    (Jaeckel, 2005), which is the default. Either way nothing is pruned in one dimension, where
-    the threshold is below omega_1; and the printed one leaves the centre alone from five
-    dimensions on (third order).
+    case of `omega_1 omega_mid / m^(n-1)` (Jaeckel, 2005), the default. Either way nothing is
+    pruned in one dimension; the printed one leaves the centre alone from five on (third order).
     """
     _, weights = hermite_nodes(checked_count('order', order))
     power = 1 if printed else dimension - 1
@@ -159,18 +157,16 @@ def pruned_gauss_hermite(
         Whether a pruned point is replaced, as printed, by `xi_a + L (xi_a - xi)` with its weight
         [Qi2012, eq. 21], in place of being left out; xi_a is the nearest kept point (the centroid,
         of several), and `L = (1 / (M omega))^(1/n)` [Qi2012, eq. 22] with M points in all and the
-        weight omega of xi_a. The paper leaves open which weight is meant; with the pruned
-        point's own, the new points lie at up to 25 standard deviations. Regrouping saves nothing,
-        as the number of points stays; and it pulls them in, so that the second moment falls below
-        one and an update subtracts too little: without `matched` it is a covariance inflation in
-        disguise.
+        weight omega of xi_a (the paper doesn't say which; with the pruned point's own, the new
+        points lie at up to 25 standard deviations). Regrouping saves no points and pulls them in:
+        without `matched` the second moment falls below one, and an update subtracts too little.
     matched : bool
         Whether the second moment is restored.
 
     Raises
     ------
     ValueError
-        If an argument is out of range, or the centre alone would be left.
+        If the centre alone would be left.
 
     """
     full = gauss_hermite(dimension, order)

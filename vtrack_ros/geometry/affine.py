@@ -10,33 +10,16 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
-#: Basis of the Lie algebra aff(2), shape (6, 3, 3): change of scale, aspect ratio, rotation
-#: (clockwise as one looks at an image, since y points down), skew, and translation along x and y
-#: [Kwon and Park 2010, sec. 3.1].
-BASIS: Array = np.zeros((6, 3, 3))
-BASIS[0, :2, :2] = (1, 0), (0, 1)
-BASIS[1, :2, :2] = (1, 0), (0, -1)
-BASIS[2, :2, :2] = (0, -1), (1, 0)
-BASIS[3, :2, :2] = (0, 1), (1, 0)
-BASIS[4, 0, 2] = BASIS[5, 1, 2] = 1
-
 #: Eigenvalues nearer than this count as equal: below, a quotient of differences loses digits.
 _EQUAL = 1e-5
 
 
 def from_coordinates(coordinates: Array) -> Array:
     """
-    Return elements of the Lie algebra from their coordinates in `BASIS`.
+    Return elements of the Lie algebra aff(2), shape (..., 3, 3), from coordinates (..., 6).
 
-    Parameters
-    ----------
-    coordinates : ndarray, shape (..., 6)
-        Scale, aspect, rotation, skew, x, y.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-
+    These are the change of scale, aspect ratio, rotation (clockwise as one looks at an image,
+    since y points down), skew, and translation along x and y [Kwon and Park 2010, sec. 3.1].
     """
     scale, aspect, rotation, skew, x, y = np.moveaxis(np.asarray(coordinates, float), -1, 0)
     element = np.zeros((*scale.shape, 3, 3))
@@ -46,29 +29,12 @@ def from_coordinates(coordinates: Array) -> Array:
     return element
 
 
-def coordinates(element: Array) -> Array:
-    """Return the coordinates in `BASIS`, shape (..., 6), of elements of shape (..., 3, 3)."""
-    a, b, c, d = (element[..., i, j] for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)))
-    return np.stack([(a + d) / 2, (a - d) / 2, (c - b) / 2, (b + c) / 2,
-                     element[..., 0, 2], element[..., 1, 2]], axis=-1)
-
-
 def exponential(element: Array) -> Array:
     """
-    Return the exponential of elements of the Lie algebra, in closed form.
+    Return the exponential of elements of the Lie algebra, shape (..., 3, 3), in closed form.
 
     exp([A, v; 0, 0]) = [exp(A), phi(A) v; 0, 1] with phi(z) = (exp(z) - 1) / z; both functions of
     the 2 x 2 matrix come from its eigenvalues.
-
-    Parameters
-    ----------
-    element : ndarray, shape (..., 3, 3)
-        With a last row of zeros.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-
     """
     linear, translation = element[..., :2, :2], element[..., :2, 2]
     result = np.zeros_like(element)
@@ -80,26 +46,16 @@ def exponential(element: Array) -> Array:
 
 def logarithm(transformation: Array) -> Array:
     """
-    Return the principal logarithm; `exponential` takes it back.
+    Return the principal logarithm of transformations, shape (..., 3, 3).
 
     It's unique only while the linear part has no eigenvalue on the negative real axis, that is
     for rotations by less than half a turn. Elsewhere the result isn't a number: a caller decides
     what a step that is too large to have a direction means.
-
-    Parameters
-    ----------
-    transformation : ndarray, shape (..., 3, 3)
-        With the last row (0, 0, 1).
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-
     """
     linear, translation = transformation[..., :2, :2], transformation[..., :2, 2]
     half_trace = (linear[..., 0, 0] + linear[..., 1, 1]) / 2
-    determinant = _determinant(linear)
-    defined = (determinant > 0) & ((half_trace > 0) | (half_trace**2 < determinant))
+    area = determinant(linear)
+    defined = (area > 0) & ((half_trace > 0) | (half_trace**2 < area))
     safe = np.where(defined[..., None, None], linear, np.eye(2))
     result = np.zeros_like(transformation)
     result[..., :2, :2] = logarithm_of_linear = _function(np.log, safe)
@@ -113,39 +69,21 @@ def inverse(transformation: Array) -> Array:
     """Return the inverse of transformations of shape (..., 3, 3)."""
     a, b, c, d = (transformation[..., i, j] for i, j in ((0, 0), (0, 1), (1, 0), (1, 1)))
     result = np.zeros_like(transformation)
-    determinant = a * d - b * c
-    result[..., 0, 0], result[..., 0, 1] = d / determinant, -b / determinant
-    result[..., 1, 0], result[..., 1, 1] = -c / determinant, a / determinant
+    area = a * d - b * c
+    result[..., 0, 0], result[..., 0, 1] = d / area, -b / area
+    result[..., 1, 0], result[..., 1, 1] = -c / area, a / area
     result[..., :2, 2] = -_times(result[..., :2, :2], transformation[..., :2, 2])
     result[..., 2, 2] = 1
     return result
 
 
-def distance(first: Array, second: Array) -> Array:
-    """Return the length of the geodesic, ||log(X1^-1 X2)||, between transformations."""
-    step: Array = logarithm(inverse(first) @ second)
-    return np.sqrt(np.square(step).sum((-2, -1)))
-
-
 def group_mean(transformations: Array, weights: Array) -> Array:
     """
-    Return the mean of transformations that are near each other.
+    Return the mean, shape (3, 3), of transformations (N, 3, 3) that are near each other.
 
     The linear parts are averaged in the tangent space at the one of largest weight,
     R_max exp(sum_j w_j log(R_max^-1 R_j)), and the translations arithmetically
-    [Xiang, sec. 2.2; Kwon and Park 2010, sec. 4.3].
-
-    Parameters
-    ----------
-    transformations : ndarray, shape (N, 3, 3)
-        What to average.
-    weights : ndarray, shape (N,)
-        Non-negative; need not be normalised.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-
+    [Xiang, sec. 2.2; Kwon and Park 2010, sec. 4.3]. Weights need not be normalised.
     """
     share = weights / weights.sum()
     heaviest = np.zeros((3, 3))
@@ -171,7 +109,7 @@ def angle(transformation: Array) -> Array:
 
 def scale(transformation: Array) -> Array:
     """Return the square root of the area's change, shape (...)."""
-    return np.sqrt(np.abs(_determinant(transformation[..., :2, :2])))
+    return np.sqrt(np.abs(determinant(transformation[..., :2, :2])))
 
 
 def stretch(transformation: Array) -> Array:
@@ -206,11 +144,9 @@ def bounds(transformation: Array, size: tuple[float, float]) -> Array:
 
 def ellipse_bounds(transformation: Array, size: tuple[float, float]) -> Array:
     """
-    Return the axis-aligned bounds of the images of the ellipse in a rectangle about the origin.
+    Return the `bounds` of the images of the ellipse in the rectangle.
 
     Few targets have corners: the bounds of a round one don't grow when it turns.
-
-    Parameters and result are those of `bounds`.
     """
     extent = np.linalg.norm(transformation[..., :2, :2] * np.array(size), axis=-1)
     return np.concatenate([transformation[..., :2, 2], extent], axis=-1)
@@ -218,18 +154,13 @@ def ellipse_bounds(transformation: Array, size: tuple[float, float]) -> Array:
 
 def from_vector(vector: Array) -> Array:
     """
-    Return transformations from the geometric parameters of [Ross2008, sec. 4.1].
+    Return transformations, shape (..., 3, 3), from geometric parameters [Ross2008, sec. 4.1].
 
     Parameters
     ----------
     vector : ndarray, shape (..., 6)
         Logarithm of the scale, logarithm of the aspect ratio, rotation [rad], direction of the
-        skew [rad], x and y; `BASIS` has the same order.
-
-    Returns
-    -------
-    ndarray, shape (..., 3, 3)
-        Rotation by the third, after a stretch by the second along the fourth.
+        skew [rad], x and y: rotated after a stretch by the second along the fourth.
 
     """
     size, aspect, turn, direction, x, y = np.moveaxis(np.asarray(vector, float), -1, 0)
@@ -248,7 +179,8 @@ def rotation(turn: Array) -> Array:
     return np.stack([np.stack([cosine, -sine], -1), np.stack([sine, cosine], -1)], -2)
 
 
-def _determinant(linear: Array) -> Array:
+def determinant(linear: Array) -> Array:
+    """Return the determinants of matrices of shape (..., 2, 2), shape (...)."""
     return linear[..., 0, 0] * linear[..., 1, 1] - linear[..., 0, 1] * linear[..., 1, 0]
 
 
@@ -272,7 +204,7 @@ def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
     """
     middle = (linear[..., 0, 0] + linear[..., 1, 1]) / 2
     traceless = linear - middle[..., None, None] * np.eye(2)
-    radius: _Complex = np.sqrt(-_determinant(traceless) + 0j)
+    radius: _Complex = np.sqrt(-determinant(traceless) + 0j)
     # where they're equal, a small step about them gives the derivative
     radius = np.where(np.abs(radius) < _EQUAL, complex(_EQUAL), radius)
     above, below = function(middle + radius), function(middle - radius)

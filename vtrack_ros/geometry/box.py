@@ -26,10 +26,8 @@ class Box:
 
     Raises
     ------
-    TypeError
-        If a value isn't a real number.
-    ValueError
-        If a value isn't finite, or a size isn't positive.
+    TypeError, ValueError
+        If a value isn't a real number; isn't finite, or a size not positive.
 
     """
 

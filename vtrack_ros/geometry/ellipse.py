@@ -15,46 +15,12 @@ SIGMA = 2.5
 Matrix = NDArray[np.float64]
 
 
-def bandwidth_of_axes(major: float, minor: float, angle: float) -> Matrix:
-    """
-    Return the bandwidth matrix of an ellipse.
-
-    Parameters
-    ----------
-    major, minor : float, [px]
-        The semi-axes of the border.
-    angle : float, [rad]
-        Of the major axis, from x towards y.
-
-    Returns
-    -------
-    ndarray, shape (2, 2), [px^2]
-
-    """
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    result: Matrix = turn @ np.diag([(major / SIGMA)**2, (minor / SIGMA)**2]) @ turn.T
-    return result
-
-
 def axes_of_bandwidth(bandwidth: Matrix) -> tuple[float, float, float]:
     """
-    Return semi-axes and angle of the ellipse of a bandwidth matrix.
+    Return semi-axes and angle of the ellipse of a bandwidth matrix, shape (2, 2), [px^2].
 
-    The inverse of `bandwidth_of_axes` [Yin2013, eq. 10, where `h11 - h22` stands misprinted as
-    `h11 - h12`].
-
-    Parameters
-    ----------
-    bandwidth : ndarray, shape (2, 2), [px^2]
-        Symmetric and positive definite.
-
-    Returns
-    -------
-    major, minor : float, [px]
-        The semi-axes of the border.
-    angle : float, [rad]
-        Of the major axis, in (-pi / 2, pi / 2].
-
+    These are the major and the minor one [px], and the major one's angle from x towards y, in
+    (-pi / 2, pi / 2] [Yin2013, eq. 10, where `h11 - h22` stands misprinted as `h11 - h12`].
     """
     h11, h22, h12 = float(bandwidth[0, 0]), float(bandwidth[1, 1]), float(bandwidth[0, 1])
     spread = math.sqrt(4 * h12**2 + (h11 - h22)**2)
