@@ -29,7 +29,7 @@ def enlarged(image, factor):
 def trained(size, image=None, growth=1.0):
     """Return a regression after one example."""
     empty = ScaleRegression.create(*size)
-    return empty.learned(picture() if image is None else image, CENTER, growth, 1.0)
+    return empty.updated(picture() if image is None else image, CENTER, growth, 1.0)
 
 
 @pytest.mark.parametrize('size', [(40.0, 40.0), (60.0, 30.0), (75.0, 60.0)])
@@ -57,7 +57,7 @@ def test_steady_growth_is_followed_without_end(speed):
     for step in range(1, 56):
         seen = enlarged(picture(), speed**step / size)
         growth = regression.growth(seen, CENTER)
-        regression = regression.learned(seen, CENTER, growth, 0.05)
+        regression = regression.updated(seen, CENTER, growth, 0.05)
         size *= growth
     assert size == pytest.approx(speed**55, rel=0.1)
 
@@ -80,7 +80,7 @@ def test_examples_are_averaged_and_the_old_regression_stays():
     first = trained((40.0, 40.0))
     kept = first.examples.copy()
     other = picture(1)
-    second = first.learned(other, CENTER, 1.0, 0.25)
+    second = first.updated(other, CENTER, 1.0, 0.25)
     alone = trained((40.0, 40.0), other)
     np.testing.assert_allclose(
         second.examples, 0.75 * kept + 0.25 * alone.examples, atol=1e-6)

@@ -8,15 +8,12 @@ import pytest
 
 from vtrack_ros.appearance.mean_shift import EllipseColours
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.mean_shift import climb, fuse
 from vtrack_ros.tracker import TrackState
-from vtrack_ros.trackers.mean_shift_evidence import climb
-from vtrack_ros.trackers.mean_shift_fusion import fused, Settings
 from vtrack_ros.trackers.registry import create_tracker
 
 PRESETS = ('default', 'paper')
 TRACKERS = ('abmspf', 'abms')
-SETTINGS = Settings(particles=20, accepted=0.8, rejected=0.5, region=0.5, inertia=0.5, growth=0.1,
-                    levels=16, background=True, learning=0.0)
 
 
 def drawn(center, axes, angle=0.0, shape=(240, 320), colour=True, seed=0):
@@ -136,7 +133,7 @@ def test_the_bandwidth_follows_rotation():
 ])
 def test_fusion_is_that_of_equations_13_to_15(zeta, best, expected):
     """Every case of the fusion rule."""
-    place = fused(zeta, (0.0, 0.0), best, 2.5, 20.0, SETTINGS)
+    place = fuse(zeta, (0.0, 0.0), best, 2.5, 20.0, 0.8, 0.5)
     assert place == (None if expected is None else pytest.approx(expected))
 
 

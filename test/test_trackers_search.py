@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 import itertools
 
 from drawn_video import box_at, DrawnVideo, TARGET, texture
@@ -11,8 +10,6 @@ import pytest
 
 from vtrack_ros.bags import BagReader
 from vtrack_ros.trackers import create_tracker, TrackState
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget
-from vtrack_ros.trackers.out_of_sight import Sight
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
 START = (70.0, 110.0)
@@ -90,23 +87,6 @@ def test_lost_is_a_matter_of_time_not_of_images(name):
     assert states[-1] is TrackState.LOST
 
 
-@pytest.mark.parametrize('dt', [1, 3])
-def test_a_hidden_target_is_looked_for_on_its_straight_way_on(dt):
-    """To a few pixels, however many frames arrive."""
-    video = DrawnVideo()
-    target = DiscriminativeTarget(np.random.default_rng(0))
-    center = (60.0, 110.0)
-    target.start(video.frame(center), center, TARGET)
-    for step in range(1, 13):
-        center = (60.0 + 4 * dt * step, 110.0)
-        frame = video.frame(center if step < 9 else None)
-        sighting = target.look(frame, target.live.center)
-        target.settle(frame, sighting, sighting.center, float(dt))
-    assert target.doubtful
-    place = target._extrapolated(target._snapshot.center, target._doubtful_frames)
-    assert np.hypot(*np.subtract(place, center)) < 6
-
-
 @pytest.mark.parametrize('name', NAMES)
 def test_a_target_that_comes_back_elsewhere_is_found(name):
     """Away for thirty frames, back two hundred pixels from where it was."""
@@ -160,70 +140,6 @@ def test_starting_again_forgets_the_old_target(name):
             estimate = tracker.update(frame)
         assert estimate.box.iou(box_at((142.0, 100.0))) > 0.6
         assert estimate.state is TrackState.TRACKING
-
-
-@pytest.mark.parametrize('there', [(60.0, 60.0), (250.0, 180.0), (170.0, 60.0)])
-def test_its_colours_tell_where_to_search(there):
-    """Wherever in the frame the target's colours are, there the search goes."""
-    video = DrawnVideo(seed=4)
-    target = DiscriminativeTarget(np.random.default_rng(0))
-    target.start(video.frame((160.0, 110.0)), (160.0, 110.0), TARGET)
-    for _ in range(5):
-        x, y = target._coloured_place(video.frame(there), target.live)
-        assert abs(x - there[0]) < TARGET[0] / 2 and abs(y - there[1]) < TARGET[1] / 2
-
-
-@pytest.mark.parametrize('likeness, jumps', [(0.08, False), (0.09, True)])
-def test_no_jump_to_what_would_not_be_taken_for_the_target(likeness, jumps, monkeypatch):
-    """However little the target has been like itself lately, as in a shadow, and is here."""
-    video = DrawnVideo()
-    target = DiscriminativeTarget(np.random.default_rng(0))
-    center, elsewhere = (160.0, 110.0), (50.0, 60.0)
-    frame = video.frame(center)
-    target.start(frame, center, TARGET)
-    target._snapshot = replace(target.live, likeness_mean=0.1)
-    target.likeness = 0.01
-    monkeypatch.setattr(target, '_best_place', lambda *place: (likeness, elsewhere))
-    assert target._search(frame, 0.5, 1.0) == jumps
-    assert target.live.center == (elsewhere if jumps else center)
-
-
-@pytest.mark.parametrize('likeness', [-1000.0, -20.0, 0.0, 20.0, 1000.0])
-def test_confidence_is_a_share_whatever_the_likeness(likeness):
-    """A place that speaks wildly for or against the target counts no more than a clear one."""
-    sight = Sight()
-    for _ in range(10):
-        sight.judge(likeness, 0.3, 1.0)
-        assert 0 <= sight.confidence <= 1
-    assert sight.confidence == pytest.approx(float(likeness > 0), abs=0.02)
-    for _ in range(3):
-        sight.judge(0.0 if likeness > 0 else 0.3, 0.3, 1.0)
-    assert sight.confidence == pytest.approx(float(likeness <= 0), abs=0.1)
-
-
-def test_out_of_sight_is_counted_in_frames_and_not_from_one_bad_look():
-    """One bad look among good ones is none; the second one is; a look elsewhere begins anew."""
-    sight = Sight()
-    sight.judge(0.0, 0.3, 1.0)
-    assert sight.unseen_frames == 0
-    for _ in range(5):
-        sight.judge(0.3, 0.3, 1.0)
-    assert sight.unseen_frames == 0 and sight.confidence > 0.9
-    sight.judge(0.0, 0.3, 1.0)
-    sight.judge(0.0, 0.3, 2.0)
-    sight.judge(0.0, 0.3, 3.0)
-    assert sight.unseen_frames == 5 and sight.confidence < 0.2
-    sight.judge(0.3, 0.3, 1.0, elsewhere=True)
-    assert sight.unseen_frames == 0 and sight.confidence > 0.9
-
-
-def test_what_is_plain_to_see_has_to_be_plain():
-    """A likeness that's enough for a target of which little is known isn't for a clear one."""
-    faint, plain = Sight(), Sight()
-    for _ in range(5):
-        faint.judge(0.1, 0.2, 1.0)
-        plain.judge(0.1, 0.75, 1.0)
-    assert faint.confidence > 0.5 > plain.confidence
 
 
 @pytest.mark.parametrize('noise', [0.0, 3.0])

@@ -1,4 +1,4 @@
-"""What a frame is."""
+"""What a frame is, and what other arrays and places are called."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 #: A frame: uint8, shape (H, W, 3) in BGR order or (H, W).
 Frame = NDArray[np.uint8]
+#: Numbers in double precision.
+Array = NDArray[np.float64]
+#: A place (x, y) or a size (width, height).
+Point = tuple[float, float]
 
 
 def checked_frame(frame: Any) -> Frame:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.window import sample_window
+from vtrack_ros.appearance.features import sample_window
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import affine
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
+from vtrack_ros.appearance.features import GRADIENT_CHANNELS, oriented_gradients
 from vtrack_ros.frame import Frame
 
 _CELL = 4
@@ -76,7 +76,7 @@ class ScaleRegression:
         excess = float(self._looks(grey, center, _AS_IT_IS)[0] @ self.weights) + self.offset
         return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
 
-    def learned(self, grey: Frame, center: tuple[float, float], growth: float,
+    def updated(self, grey: Frame, center: tuple[float, float], growth: float,
                 rate: float) -> ScaleRegression:
         """
         Return the regression after an example of the target, `growth` times as large as before.
@@ -113,5 +113,5 @@ class ScaleRegression:
                 for axis, middle in zip(self.grid, center))
         # one below the other; that a look's first and last rows see its neighbour does no harm
         stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        features = oriented_gradients(stack, _CELL).reshape(CHANNELS, len(scales), -1)
+        features = oriented_gradients(stack, _CELL).reshape(GRADIENT_CHANNELS, len(scales), -1)
         return features.transpose(1, 0, 2).reshape(len(scales), -1)

@@ -48,7 +48,7 @@ class Subspace:
         return cls(look.astype(np.float32), np.zeros((len(look), 0), np.float32), np.zeros(0),
                    1.0, limit)
 
-    def learned(self, looks: Vectors, forgetting: float = 0.95) -> Subspace:
+    def updated(self, looks: Vectors, forgetting: float = 0.95) -> Subspace:
         """
         Return the subspace after a batch of looks.
 

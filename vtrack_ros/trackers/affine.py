@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths
 from vtrack_ros.appearance.keypoint_memory import KeypointMemory
 from vtrack_ros.appearance.keypoints import KeypointDetector, PoseChange
 from vtrack_ros.estimation import spread_about
@@ -14,11 +15,11 @@ from vtrack_ros.estimation.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import affine, Box
+from vtrack_ros.localisation import Localiser
+from vtrack_ros.localisation.presence import state_after, unknown_covariance
+from vtrack_ros.localisation.upright_search import UprightResponse, UprightSearch
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.trackers.affine_appearance import AffineAppearance, Widths
-from vtrack_ros.trackers.affine_upright import UprightTarget
 from vtrack_ros.tracker import Estimate, Tracker
-from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]
 
@@ -116,7 +117,7 @@ class AffineTracker(Tracker):
         self._particles = self._particle_type(
             self._state, int(self._parameters['particles']), np.array(frame.shape[1::-1]),
             self._rng)
-        self._appearance = AffineAppearance(
+        self._appearance = AffineLikelihood(
             frame, self._state, self._size, int(self._parameters['eigenvectors']),
             'colour_sigma' in self._parameters,
             _SIDE[str(self._parameters['preset'])])
@@ -124,23 +125,24 @@ class AffineTracker(Tracker):
         self._memory: KeypointMemory | None = None
         self._measure_movement(frame)
         self._remember_keypoints()
-        self._target: UprightTarget | None = None
+        self._target: Localiser | None = None
         if self._parameters['preset'] == 'default':
-            self._target = UprightTarget(self._rng)
-            self._target.start(frame, box.center, (box.width, box.height))
+            self._target = Localiser(frame, box.center, (box.width, box.height), self._rng)
+            self._upright = UprightSearch(self._target)
         self._doubtful_frames = 0.0
         count = len(self._particles.states)
         return self._estimate(np.full(count, 1 / count), 1.0, 0.0)
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         target = self._target
-        seen = None if target is None else target.look(frame, float(affine.angle(self._state)))
+        seen = None if target is None else self._upright.localise(
+            frame, float(affine.angle(self._state)))
         weights = self._weigh(frame, dt, seen)
         self._state = self._particles.mean(weights)
         found = target is not None and seen is not None and self._settle(target, seen, dt)
         self._remember_keypoints()
         look = self._appearance.look(frame, self._state)
-        if target is None or not target.target.doubtful:
+        if target is None or not target.uncertain:
             self._appearance.learn(
                 look, int(self._parameters['update_interval']),
                 float(self._parameters['forgetting']), int(self._parameters['eigenvectors']))
@@ -153,36 +155,36 @@ class AffineTracker(Tracker):
             self._particles.resample(weights, count)
         return estimate
 
-    def _weigh(self, frame: Frame, dt: float, seen: Array | None) -> Array:
+    def _weigh(self, frame: Frame, dt: float, seen: UprightResponse | None) -> Array:
         """Move the particles, and return their normalised weights, shape (N,)."""
         values, particles = self._parameters, self._particles
-        change = self._measure_movement(frame, seen)
+        change = self._measure_movement(frame, None if seen is None else seen.center)
         particles.propose(
             dt, self._sigmas, float(values.get('ar', 0.0)),
             None if change is None else change.matrix, float(values.get('keypoint_share', 0.0)))
         if seen is not None:
-            particles.gather(seen, float(values['evidence_share']))
+            particles.gather(seen.center, float(values['evidence_share']))
         logs = self._appearance.log_likelihood(
             frame, particles.states, self._widths, change, self._state)
-        if self._target is not None:
+        if self._target is not None and seen is not None:
             logs *= _TEMPERED
-            logs += self._target.log_likelihood(
-                particles.states[:, :2, 2], float(values['temperature']))
+            scale = float(values['temperature']) * self._target.usual_response
+            logs += (seen.sample(particles.states[:, :2, 2]) - seen.peak) / scale
         weights: Array = np.exp(logs - logs.max())
         return weights / weights.sum()
 
-    def _settle(self, target: UprightTarget, seen: Array, dt: float) -> bool:
+    def _settle(self, target: Localiser, seen: UprightResponse, dt: float) -> bool:
         """
         Let the discriminative target settle, and take place and size from it.
 
         The evidence's own maximum is more exact than the mean of particles that are spread over
         six dimensions; what they add is rotation and shape.
         """
-        found = target.settle(seen, dt)
-        live = target.target.live
+        found = self._upright.update(seen, seen.center, dt)
+        live = target
         if found:
             self._state = np.eye(3)
-            self._state[:2, :2] = affine.rotation(np.asarray(target.angle))
+            self._state[:2, :2] = affine.rotation(np.asarray(self._upright.angle))
         growth = np.sqrt(live.size[0] * live.size[1]) / float(affine.scale(self._state))
         self._state[:2, :2] *= growth
         self._state[:2, 2] = live.center
@@ -213,13 +215,13 @@ class AffineTracker(Tracker):
         angle = float(affine.angle(self._state))
         if self._target is not None:
             boxes = affine.ellipse_bounds(self._particles.states, self._size)
-            live = self._target.target.live
+            live = self._target
             pose = np.eye(3)
-            pose[:2, :2] = affine.rotation(np.asarray(self._target.angle))
+            pose[:2, :2] = affine.rotation(np.asarray(self._upright.angle))
             pose[:2, 2] = live.center
             shown = affine.ellipse_bounds(pose, live.size)
             # about the box that's reported, which isn't the particles' mean
-            return self._target.target.estimate(
+            return self._target.estimate(
                 spread_about(shown, boxes, weights), angle, boxes, frame, Box.from_center(*shown))
         boxes = affine.bounds(self._particles.states, self._size)
         bound = affine.bounds(self._state, self._size)

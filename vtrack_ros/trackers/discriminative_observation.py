@@ -6,9 +6,8 @@ import numpy as np
 
 from vtrack_ros.appearance.histogram import Boxes
 from vtrack_ros.frame import Frame
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget, ERRORS
+from vtrack_ros.localisation import Localiser, ResponseMap
 from vtrack_ros.trackers.observation import Array, Conclusion, Measurement, Observation
-from vtrack_ros.trackers.sighting import Sighting
 
 #: Error of the measured centre, as a share of the target's mean side, where it's seen well.
 _MEASURED_ERROR = 0.05
@@ -33,45 +32,43 @@ class DiscriminativeObservation(Observation):
     """
 
     sized = False
-    errors = ERRORS
+    errors = 0.07, 0.10
 
-    def __init__(self, target: DiscriminativeTarget, temperature: float,
-                 measuring: bool) -> None:
-        self.target = target
+    def __init__(self, rng: np.random.Generator, temperature: float, measuring: bool) -> None:
+        self._rng = rng
         self._measuring = measuring
         self.temperature = temperature
-        self._sighting: Sighting | None = None
+        self._response: ResponseMap | None = None
 
     def start(self, frame: Frame, box: Array) -> None:
         """Begin on a box."""
         x, y, width, height = (float(value) for value in box)
-        self.target.start(frame, (x, y), (width, height))
+        self.localiser = Localiser(frame, (x, y), (width, height), self._rng)
 
     def look(self, frame: Frame, box: Array, predicted: Array) -> Measurement | None:
-        """Make the evidence map about the box; the measured centre is its maximum."""
+        """Make the response map about the box; the measured centre is its maximum."""
         x, y = box[:2].tolist()
-        self._sighting = self.target.look(frame, (x, y))
-        if self.target.sight.unseen_frames or not self._measuring:
+        self._response = self.localiser.localise(frame, (x, y))
+        if self.localiser.unseen_frames or not self._measuring:
             return None
-        usual = max(self.target.live.evidence_mean, 1e-6)
-        quality = min(max(self._sighting.peak / usual, 0.2), 1.0)
+        quality = min(max(self._response.peak / self.localiser.usual_response, 0.2), 1.0)
         error = _MEASURED_ERROR * np.sqrt(box[2] * box[3]) / quality
-        return Measurement(np.array(self._sighting.center), error**2 * np.eye(2))
+        return Measurement(np.array(self._response.center), error**2 * np.eye(2))
 
     def log_likelihood(self, boxes: Boxes) -> Array:
-        """Return the evidence at the centres, on the scale of the temperature."""
-        assert self._sighting is not None
-        usual = max(self.target.live.evidence_mean, 1e-6)
-        evidence: Array = self._sighting.at(boxes[:, :2])
-        evidence *= 1 / (self.temperature * usual)
-        return evidence
+        """Return the response at the centres, on the scale of the temperature."""
+        assert self._response is not None
+        response: Array = self._response.sample(boxes[:, :2])
+        response *= 1 / (self.temperature * self.localiser.usual_response)
+        return response
 
     def conclude(self, frame: Frame, box: Array, dt: float) -> Conclusion:
-        """Settle on the evidence's maximum next to the particles' mean, or on the highest."""
-        assert self._sighting is not None
-        center = self._sighting.climb((float(box[0]), float(box[1])))
-        center = self._sighting.unless_dominated(center)
-        jumped = self.target.settle(frame, self._sighting, center, dt)
-        live, sight = self.target.live, self.target.sight
-        return Conclusion(np.array([*live.center, *live.size]), sight.confidence,
-                          sight.unseen_frames, jumped)
+        """Decide for the response's maximum next to the particles' mean, or the highest."""
+        assert self._response is not None
+        localiser = self.localiser
+        center = self._response.local_maximum((float(box[0]), float(box[1])))
+        center = self._response.unless_dominated(center)
+        jumped = localiser.update(frame, self._response, center, dt)
+        estimate = localiser.estimate(np.zeros((4, 4)))
+        return Conclusion(np.array([*localiser.center, *localiser.size]), estimate.confidence,
+                          localiser.unseen_frames, jumped)

@@ -12,9 +12,9 @@ from vtrack_ros.appearance.mean_shift import EllipseColours
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned
+from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
-from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import SIGMA
+from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.localisation.mean_shift import climb, climbing_weights
 from vtrack_ros.tracker import Estimate
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.mean_shift_fusion import fused, Point, Settings
-from vtrack_ros.trackers.sighting import Sighting
 
 #: Steps of a climb at most, and the step in cells that ends it, with either bandwidth.
 _COARSE_STEPS, _COARSE_TOLERANCE = 8, 0.1
@@ -49,8 +49,7 @@ class EvidenceMeanShift:
 
     def start(self, frame: Frame, box: Box) -> Estimate:
         """Begin on a box."""
-        self._target = DiscriminativeTarget(self._rng)
-        self._target.start(frame, box.center, (box.width, box.height))
+        self._target = Localiser(frame, box.center, (box.width, box.height), self._rng)
         self._velocity = np.zeros(2)
         covariance = np.diag([1.0, 1.0, 0.0, 0.0])
         return self._target.estimate(covariance, particles=self._boxes(self._drawn(box.center)))
@@ -58,49 +57,47 @@ class EvidenceMeanShift:
     def update(self, frame: Frame, dt: float) -> Estimate:
         """Find the target in the next frame."""
         target, settings = self._target, self.settings
-        before = target.live
-        sighting = target.look(frame, before.center)
-        weights = evidence_weights(sighting.evidence)
-        usual = max(before.evidence_mean, 1e-6)
-        climbed = self._climbed(sighting, weights, before.center)
+        center_before = target.center
+        sighting = target.localise(frame, center_before)
+        weights = climbing_weights(sighting.values)
+        usual = target.usual_response
+        climbed = self._climbed(sighting, weights, center_before)
         center = climbed
         points = None
         if settings.particles:
-            points = self._drawn(before.center) + dt * settings.inertia * self._velocity
-            scores = sighting.at(points)
+            points = self._drawn(center_before) + dt * settings.inertia * self._velocity
+            scores = sighting.sample(points)
             best = points[int(scores.argmax())]
             best = self._climbed(sighting, weights, (best[0], best[1]))
-            zeta = min(sighting.height(climbed) / usual, 1.0)
-            place = fused(zeta, climbed, best, SIGMA, max(before.size) / 2, settings)
+            zeta = min(sighting.sample_one(climbed) / usual, 1.0)
+            place = fused(zeta, climbed, best, SIGMA, max(target.size) / 2, settings)
             center = sighting.center if place is None else place
         center = sighting.unless_dominated(center)
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = self._spread(sighting, center)
-        found_elsewhere = target.settle(frame, sighting, center, dt)
-        step = np.subtract(target.live.center, before.center) / dt
+        found_elsewhere = target.update(frame, sighting, center, dt)
+        step = np.subtract(target.center, center_before) / dt
         self._velocity = np.zeros(2) if found_elsewhere else (self._velocity + step) / 2
         return target.estimate(
             covariance, particles=None if points is None else self._boxes(points))
 
-    def _climbed(self, sighting: Sighting, weights: NDArray[np.float64], start: Point) -> Point:
+    def _climbed(self, sighting: ResponseMap, weights: NDArray[np.float64], start: Point) -> Point:
         """Climb from a place with the target's bandwidth, then with the peak's."""
-        size, cell = self._target.live.size, sighting.cell
+        size, cell = self._target.size, sighting.window.cell
         coarse = np.array(size) / (2 * SIGMA) / cell
         fine = np.maximum(np.array(size) * _FINE / cell, 0.6)
         place = sighting.cells(np.array([start]))[0]
         place = climb(weights, place, coarse, _COARSE_STEPS, _COARSE_TOLERANCE)
         place = climb(weights, place, fine, _FINE_STEPS, _FINE_TOLERANCE)
-        rows, columns = weights.shape
-        x, y = (place - (columns // 2, rows // 2)) * cell + sighting.view.center
-        return float(x), float(y)
+        return sighting.place(place)
 
-    def _spread(self, sighting: Sighting, center: Point) -> NDArray[np.float64]:
+    def _spread(self, sighting: ResponseMap, center: Point) -> NDArray[np.float64]:
         """Return the covariance of the place under the evidence taken as a likelihood, [px^2]."""
-        rows, columns = sighting.evidence.shape
+        rows, columns = sighting.values.shape
         x, y = np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64)
-        likelihood = np.exp(_SHARPNESS * (sighting.evidence / max(sighting.peak, 1e-6) - 1))
+        likelihood = np.exp(_SHARPNESS * (sighting.values / max(sighting.peak, 1e-6) - 1))
         at_x, at_y = sighting.cells(np.array([center]))[0]
-        x, y = (x - at_x) * sighting.cell[0], (y - at_y) * sighting.cell[1]
+        x, y = (x - at_x) * sighting.window.cell[0], (y - at_y) * sighting.window.cell[1]
         in_x, in_y = likelihood.sum(0), likelihood.sum(1)
         total = in_x.sum()
         cross = float(y @ likelihood @ x) / total
@@ -108,58 +105,10 @@ class EvidenceMeanShift:
 
     def _drawn(self, center: Point) -> NDArray[np.float64]:
         """Redraw the particles uniformly about a place [Yin2013, sec. 2.2]."""
-        size = np.array(self._target.live.size)
+        size = np.array(self._target.size)
         uniform = self._rng.uniform(-1.0, 1.0, (self.settings.particles, 2))
         return np.array(center) + self.settings.region * size / 2 * uniform
 
     def _boxes(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        size = np.broadcast_to(self._target.live.size, points.shape)
+        size = np.broadcast_to(self._target.size, points.shape)
         return np.concatenate([points, size], 1)
-
-
-def evidence_weights(evidence: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return the weights that a climb on an evidence map uses: what is above its background."""
-    above = np.maximum(evidence.astype(np.float64) - evidence.mean(), 0.0)
-    return above * above * above
-
-
-def climb(weights: NDArray[np.float64], start: NDArray[np.float64],
-          bandwidth: NDArray[np.float64], steps: int,
-          tolerance: float = 0.01) -> NDArray[np.float64]:
-    """
-    Climb to a maximum of the kernel density of a weighted map by mean shift [Yin2013, eq. 2].
-
-    Parameters
-    ----------
-    weights : ndarray, shape (rows, columns)
-        Not negative.
-    start, bandwidth : ndarray, shape (2,), [cells]
-        (x, y); the Gaussian kernel is axis-aligned.
-    steps : int
-        At most so many.
-    tolerance : float, [cells]
-        A step shorter than that is the last one.
-
-    Returns
-    -------
-    ndarray, shape (2,), [cells]
-
-    """
-    rows, columns = weights.shape
-    column, row = np.arange(float(columns)), np.arange(float(rows))
-    x, y = float(start[0]), float(start[1])
-    narrow_x, narrow_y = (-0.5 / float(width)**2 for width in bandwidth)
-    for _ in range(steps):
-        # the kernel is separable: two products of matrix and vector
-        kernel_x = np.exp(narrow_x * np.square(column - x))
-        kernel_y = np.exp(narrow_y * np.square(row - y))
-        in_x = (kernel_y @ weights) * kernel_x
-        in_y = (weights @ kernel_x) * kernel_y
-        total = float(in_x.sum())
-        if total <= 1e-12:
-            break
-        before_x, before_y = x, y
-        x, y = float(in_x @ column) / total, float(in_y @ row) / total
-        if max(abs(x - before_x), abs(y - before_y)) < tolerance:
-            break
-    return np.array([x, y])

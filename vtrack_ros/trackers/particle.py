@@ -15,12 +15,11 @@ from vtrack_ros.estimation import (
     spread_about, unscented)
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
-from vtrack_ros.trackers.discriminative import DiscriminativeTarget
 from vtrack_ros.trackers.discriminative_observation import DiscriminativeObservation
 from vtrack_ros.trackers.observation import Conclusion, CueObservation, Observation
-from vtrack_ros.trackers.out_of_sight import state_after, unknown_covariance
 
 Array = NDArray[np.float64]
 
@@ -87,8 +86,7 @@ class ParticleTracker(Tracker):
                 str(parameters['kernel']), self._steered)
         else:
             self._observation = DiscriminativeObservation(
-                DiscriminativeTarget(self._rng), float(parameters['temperature']),
-                self._steered)
+                self._rng, float(parameters['temperature']), self._steered)
         self._box = np.array([*box.center, box.width, box.height])
         self._observation.start(frame, self._box)
         self._side = 0.0

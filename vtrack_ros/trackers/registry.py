@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from vtrack_ros.tracker import Tracker
 from vtrack_ros.trackers.affine import (
     AffineKeypointParticleFilter, AffineParticleFilter, SubspaceParticleFilter)
-from vtrack_ros.tracker import Tracker
 from vtrack_ros.trackers.mean_shift import (
     AdaptiveBandwidthMeanShift, MeanShiftParticleFilter)
 from vtrack_ros.trackers.particle import (

@@ -1,21 +1,21 @@
-"""Whether a target is in sight, and what a tracker doesn't know of one that isn't."""
+"""Whether a target is present, and what a tracker doesn't know of one that isn't."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.tracker import TrackState
 
-#: Likeness to the first look at which on and off the target are even.
-EVEN_LIKENESS = 0.085
+#: Similarity to the initial template at which on and off the target are even.
+EVEN_SIMILARITY = 0.085
 #: The same as a share of what's usual, for a target that's plain to see: it's told from textures
-#: that look a little like everything. And the width of the transition.
-_EVEN_SHARE, _LIKENESS_SPREAD = 0.2, 0.02
-#: The margin to the even likeness is averaged over looks, with that weight of the latest; by so
-#: much a case is clear, and not any clearer.
+#: that are a little similar to everything. And the width of the transition.
+_EVEN_SHARE, _SIMILARITY_SPREAD = 0.2, 0.02
+#: The margin to the even similarity is averaged over frames, with that weight of the latest; by
+#: so much a case is clear, and not any clearer.
 _MARGIN_RATE, _CLEAR = 0.5, 0.1
 #: A target is lost after more frames out of sight than that.
 _LOST_FRAMES = 30
@@ -27,9 +27,9 @@ _CENTER_ERROR, _SIZE_ERROR = 1.0, 0.3
 _WANDERING_FRAMES = 30
 
 
-class Sight:
+class PresenceDetector:
     """
-    Judges from the likeness of a few looks whether the target is in sight.
+    Judges from the similarity in a few frames whether the target is present.
 
     It is, at first.
     """
@@ -41,30 +41,34 @@ class Sight:
 
     @property
     def confidence(self) -> float:
-        """Return how sure it is that the target is where it was looked for, in [0, 1]."""
-        # the logistic function
-        return 0.5 + 0.5 * math.tanh(self._margin / (2 * _LIKENESS_SPREAD))
+        """Return how sure it is that the target is where it was localised, in [0, 1]."""
+        return logistic(self._margin / _SIMILARITY_SPREAD)
 
-    def judge(self, likeness: float, usual: float, dt: float, elsewhere: bool = False) -> None:
+    def judge(self, similarity: float, usual: float, dt: float, elsewhere: bool = False) -> None:
         """
-        Take one more look into account.
+        Take one more frame into account.
 
         Parameters
         ----------
-        likeness : float
-            To the first look.
+        similarity : float
+            To the initial template.
         usual : float
             What's usual for this target.
         dt : float, [frames]
-            The time since the last look.
+            The time since the last frame.
         elsewhere : bool
-            Whether it's a look at another place, to which the last ones mean nothing.
+            Whether it's the similarity of another place, to which the last ones mean nothing.
 
         """
-        even = max(EVEN_LIKENESS, _EVEN_SHARE * usual)
-        margin = min(max(likeness - even, -_CLEAR), _CLEAR)
+        even = max(EVEN_SIMILARITY, _EVEN_SHARE * usual)
+        margin = min(max(similarity - even, -_CLEAR), _CLEAR)
         self._margin += (1 if elsewhere else _MARGIN_RATE) * (margin - self._margin)
         self.unseen_frames = 0.0 if self._margin >= 0 else self.unseen_frames + dt
+
+
+def logistic(value: float) -> float:
+    """Return 1 / (1 + exp(-value)), without overflow."""
+    return 0.5 + 0.5 * math.tanh(value / 2)
 
 
 def state_after(frames: float) -> TrackState:
@@ -75,7 +79,7 @@ def state_after(frames: float) -> TrackState:
 
 
 def unknown_covariance(
-        center_error: float, size_error: float, area: float, frames: float) -> NDArray[np.float64]:
+        center_error: float, size_error: float, area: float, frames: float) -> Array:
     """
     Return the covariance of what a filter doesn't know of: its cues' errors, and not seeing.
 

@@ -64,7 +64,7 @@ class CorrelationFilter:
         spectrum: Spectrum = (over_rows @ side_by_side).reshape(rows, channels, -1)
         return np.ascontiguousarray(spectrum.swapaxes(0, 1))
 
-    def learned(self, spectrum: Spectrum, rate: float,
+    def updated(self, spectrum: Spectrum, rate: float,
                 shift: tuple[float, float] = (0.0, 0.0)) -> CorrelationFilter:
         """
         Return the filter after one more example.
@@ -210,22 +210,3 @@ def power(spectrum: Spectrum) -> NDArray[np.float32]:
     squares = np.einsum('c...,c...->...', parts, parts)
     total: NDArray[np.float32] = squares[..., ::2] + squares[..., 1::2]
     return total
-
-
-def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
-    """Return how far (x, y) a maximum is from its cell, from -0.5 to 0.5; 0 at the border."""
-    x = y = 0.0
-    value = float(response[row, column])
-    if 0 < column < response.shape[1] - 1:
-        x = parabola_offset(float(response[row, column - 1]), value,
-                            float(response[row, column + 1]))
-    if 0 < row < response.shape[0] - 1:
-        y = parabola_offset(float(response[row - 1, column]), value,
-                            float(response[row + 1, column]))
-    return x, y
-
-
-def parabola_offset(before: float, peak: float, after: float) -> float:
-    """Return where, from -0.5 to 0.5, the parabola through three equidistant values peaks."""
-    curvature = before - 2 * peak + after
-    return 0.5 * (before - after) / curvature if curvature < 0 else 0.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.fft
 
-from vtrack_ros.appearance.correlation import (
-    CorrelationFilter, parabola_offset, subcell_offset, taper)
+from vtrack_ros.appearance.correlation_filter import CorrelationFilter, taper
+from vtrack_ros.localisation.response_map import parabola_offset, subcell_offset
 
 ROWS, COLUMNS, WIDTH = 20, 24, 1.5
 
@@ -29,7 +29,7 @@ def trained(shift=(0.0, 0.0), seed=0):
     """Return a filter after one example, and the example's spectrum."""
     empty = CorrelationFilter.create(ROWS, COLUMNS, WIDTH)
     spectrum = empty.transform(features(seed))
-    return empty.learned(spectrum, 1.0, shift), spectrum
+    return empty.updated(spectrum, 1.0, shift), spectrum
 
 
 @pytest.mark.parametrize('shift', [(0, 0), (3, 0), (-2, 4), (5, -6)])
@@ -52,8 +52,8 @@ def test_a_shift_in_the_label_is_a_shift_of_the_example():
     tapered = features() * taper(ROWS)[:, None] * taper(COLUMNS)
     moved = np.roll(tapered, (4, -3), (1, 2))
     spectra = [scipy.fft.rfft2(one) for one in (tapered, moved)]
-    centred = empty.learned(spectra[0].astype(np.complex64), 1.0)
-    shifted = empty.learned(spectra[1].astype(np.complex64), 1.0, (-3.0, 4.0))
+    centred = empty.updated(spectra[0].astype(np.complex64), 1.0)
+    shifted = empty.updated(spectra[1].astype(np.complex64), 1.0, (-3.0, 4.0))
     np.testing.assert_allclose(shifted.numerator, centred.numerator,
                                atol=1e-3 * np.abs(centred.numerator).max())
     np.testing.assert_allclose(shifted.denominator, centred.denominator, rtol=1e-3)
@@ -65,7 +65,7 @@ def test_the_response_moves_with_the_picture():
     pattern = features(1, rows=8, columns=8)
     scene = np.zeros((4, 40, 48), np.float32)
     scene[:, 16:24, 20:28] = pattern
-    filter_ = empty.learned(empty.transform(scene), 1.0)
+    filter_ = empty.updated(empty.transform(scene), 1.0)
     for x, y in ((0, 0), (4, -3), (-5, 2)):
         moved = np.roll(scene, (y, x), (1, 2))
         response = filter_.response(filter_.transform(moved))
@@ -88,8 +88,8 @@ def test_learning_averages_numerator_and_denominator():
     filter_, _ = trained()
     kept = filter_.numerator.copy()
     second = filter_.transform(features(seed=3))
-    alone = CorrelationFilter.create(ROWS, COLUMNS, WIDTH).learned(second, 1.0)
-    after = filter_.learned(second, 0.25)
+    alone = CorrelationFilter.create(ROWS, COLUMNS, WIDTH).updated(second, 1.0)
+    after = filter_.updated(second, 0.25)
     np.testing.assert_allclose(
         after.numerator, 0.75 * filter_.numerator + 0.25 * alone.numerator,
         atol=1e-4 * np.abs(kept).max())
@@ -127,7 +127,7 @@ def test_the_response_is_an_inverse_fourier_transform(rows, columns):
     """The whole map is what a Fourier transform gives; a part of it is cut from it."""
     empty = CorrelationFilter.create(rows, columns, WIDTH)
     first, second = (empty.transform(features(seed, 4, rows, columns)) for seed in (0, 1))
-    filter_ = empty.learned(first, 1.0)
+    filter_ = empty.updated(first, 1.0)
     ratio = (filter_.numerator.conj() * second).sum(axis=0) / (filter_.denominator + 1e-2)
     wanted = scipy.fft.irfft2(ratio, s=(rows, columns))
     np.testing.assert_allclose(filter_.response(second), wanted, atol=1e-5)

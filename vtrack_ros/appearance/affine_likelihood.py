@@ -40,7 +40,7 @@ class Widths:
     keypoints: float
 
 
-class AffineAppearance:
+class AffineLikelihood:
     """
     The likelihood of affine frames: the product of three terms [Xiang, sec. 3.3].
 
@@ -139,7 +139,7 @@ class AffineAppearance:
         self._fresh.append(look)
         if len(self._fresh) >= interval:
             subspace = replace(self.subspace, limit=components)
-            self.subspace = subspace.learned(np.array(self._fresh), forgetting)
+            self.subspace = subspace.updated(np.array(self._fresh), forgetting)
             self._fresh.clear()
 
 

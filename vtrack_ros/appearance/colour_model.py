@@ -9,14 +9,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.rgb555 import all_colours, rgb555
+from vtrack_ros.appearance.features import all_colours, rgb555
 from vtrack_ros.frame import Frame
 
 _LEVELS = 16
-_GREY_LEVELS = 32
 #: Share of the target's size about it that counts for neither: the border is uncertain.
 _MARGIN = 0.2
-#: Evidence that a colour needs before it's believed.
+#: Frequency that a colour needs before it's believed.
 _PRIOR = 1e-6
 
 Rectangle = tuple[int, int, int, int]
@@ -24,7 +23,7 @@ Colours = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class ForegroundModel:
+class ColourModel:
     """
     Colour histograms of target and surroundings, and their likelihood ratio.
 
@@ -39,12 +38,12 @@ class ForegroundModel:
     surroundings: NDArray[np.float32]
 
     @classmethod
-    def create(cls, colour: bool) -> ForegroundModel:
-        """Make an empty model for colour or grey frames."""
-        empty = np.zeros(_LEVELS**3 if colour else _GREY_LEVELS, np.float32)
+    def create(cls) -> ColourModel:
+        """Make an empty model."""
+        empty = np.zeros(_LEVELS**3, np.float32)
         return cls(empty, empty)
 
-    def learned(self, colours: Colours, inner: Rectangle, rate: float) -> ForegroundModel:
+    def updated(self, colours: Colours, inner: Rectangle, rate: float) -> ColourModel:
         """
         Return the model after one more example.
 
@@ -67,7 +66,7 @@ class ForegroundModel:
                                  left - margin_x, right + margin_x))
         surroundings = np.bincount(colours.ravel(), None, size)
         surroundings -= np.bincount(near.ravel(), None, size)
-        return ForegroundModel(
+        return ColourModel(
             _averaged(self.target, np.bincount(target.ravel(), None, size), target.size, rate),
             _averaged(self.surroundings, surroundings, colours.size - near.size, rate))
 
@@ -76,7 +75,7 @@ class ForegroundModel:
         return self._probabilities.take(colours)
 
     def mean_probability(self, colours: Colours, inner: Rectangle) -> float:
-        """Return the mean of `probability` over a rectangle, as `learned` takes it; 0 outside."""
+        """Return the mean of `probability` over a rectangle, as `updated` takes it; 0 outside."""
         part = _within(colours, inner)
         return float(self.probability(part).sum()) / max(1, part.size)
 
@@ -89,7 +88,7 @@ class ForegroundModel:
 
 
 def colour_index(pixels: Frame) -> Colours:
-    """Return each pixel's histogram bin, shape (rows, columns)."""
+    """Return each pixel's bin, shape (rows, columns); a grey frame has the first 32."""
     if pixels.ndim == 2:
         return (pixels >> 3).astype(np.intp)
     return _bins().take(rgb555(pixels))

@@ -1,12 +1,12 @@
-"""A window's evidence: where it's highest, what is uphill, and what is dominated."""
+"""A response map: where it's highest, what is uphill, and what is dominated."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.target import View
-from vtrack_ros.trackers.sighting import Sighting
+from vtrack_ros.localisation import ResponseMap
+from vtrack_ros.localisation.search_window import SearchWindow, WindowLayout
 
 ROWS, COLUMNS, CELL = 20, 24, (5.0, 4.0)
 CENTER = 300.0, 200.0
@@ -24,44 +24,42 @@ def place(x, y):
     return CENTER[0] + x * CELL[0], CENTER[1] + y * CELL[1]
 
 
-def sighting(evidence):
-    """Return the sighting that has an evidence; what was looked at plays no part."""
+def response(values):
+    """Return the map of some values; what the window shows plays no part."""
     nothing = np.zeros((1, 1), np.uint8)
-    view = View(CENTER, (40.0, 40.0), nothing, nothing.astype(np.intp),
-                np.zeros((1, 1, 1), np.float32))
-    row, column = divmod(int(evidence.argmax()), COLUMNS)
-    return Sighting(view, np.zeros((1, 1, 1), np.complex64), evidence, CELL, (column, row))
+    window = SearchWindow(WindowLayout(ROWS, COLUMNS, (2.0, 2.0)), CENTER, (40.0, 40.0), CELL,
+                          nothing, nothing.astype(np.intp), np.zeros((1, 1, 1), np.complex64))
+    return ResponseMap(window, values)
 
 
 @pytest.mark.parametrize('x, y', [(0.0, 0.0), (3.3, -2.2), (-5.4, 4.4)])
 def test_the_highest_is_between_the_cells(x, y):
     """A paraboloid's top is found to the last digit; the peak is the highest cell's."""
-    seen = sighting(hill(x, y, 1.0))
-    assert seen.peak == seen.evidence.max()
-    assert seen.center == (pytest.approx(place(x, y)[0], abs=1e-4),
-                           pytest.approx(place(x, y)[1], abs=1e-4))
+    found = response(hill(x, y, 1.0))
+    assert found.peak == found.values.max()
+    assert found.center == pytest.approx(place(x, y), abs=1e-4)
 
 
 @pytest.mark.parametrize('start', [(5.0, 0.0), (7.0, 1.0), (3.3, -2.2), (5.2, -4.1), (2.0, 1.0)])
 def test_uphill_leads_to_the_highest_from_its_own_hill(start):
     """Near or far, the same place to the last bit; above the hill's foot on its own side."""
-    seen = sighting(np.maximum(hill(3.3, -2.2, 1.0), hill(-6.2, 4.1, 0.8)))
-    assert seen.climb(place(*start)) == seen.center
+    found = response(np.maximum(hill(3.3, -2.2, 1.0), hill(-6.2, 4.1, 0.8)))
+    assert found.local_maximum(place(*start)) == found.center
 
 
 def test_uphill_leads_to_a_lesser_top_from_its_hill_unless_it_is_dominated():
     """The climb stays on the hill; which of two tops is believed depends on their heights."""
     for height, believed in ((0.98, True), (0.8, False)):
-        seen = sighting(np.maximum(hill(3.0, -2.0, 1.0), hill(-6.0, 4.0, height)))
-        lesser = seen.climb(place(-5.0, 5.0))
+        found = response(np.maximum(hill(3.0, -2.0, 1.0), hill(-6.0, 4.0, height)))
+        lesser = found.local_maximum(place(-5.0, 5.0))
         assert lesser == (pytest.approx(place(-6.0, 4.0)[0]), pytest.approx(place(-6.0, 4.0)[1]))
-        assert seen.unless_dominated(lesser) == (lesser if believed else seen.center)
-    assert seen.unless_dominated(seen.center) == seen.center
+        assert found.unless_dominated(lesser) == (lesser if believed else found.center)
+    assert found.unless_dominated(found.center) == found.center
 
 
 def test_the_highest_at_the_border_is_at_its_cell():
     """There's nothing beyond to refine it with."""
-    evidence = np.zeros((ROWS, COLUMNS), np.float32)
-    evidence[0, 5] = 1
-    seen = sighting(evidence)
-    assert (seen.peak, seen.center) == (1.0, place(5 - COLUMNS // 2, -ROWS // 2))
+    values = np.zeros((ROWS, COLUMNS), np.float32)
+    values[0, 5] = 1
+    found = response(values)
+    assert (found.peak, found.center) == (1.0, place(5 - COLUMNS // 2, -ROWS // 2))

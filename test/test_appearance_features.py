@@ -8,13 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.colour_names import CHANNELS as COLOURS
-from vtrack_ros.appearance.colour_names import colour_names, memberships
-from vtrack_ros.appearance.foreground import box_mean, colour_index, ForegroundModel
-from vtrack_ros.appearance.gradients import CHANNELS, oriented_gradients
-from vtrack_ros.appearance.rgb555 import (
-    all_colours, COLOURS as COLOURS_IN_15_BITS, rgb555)
-from vtrack_ros.appearance.window import sample_window
+from vtrack_ros.appearance.colour_model import box_mean, colour_index, ColourModel
+from vtrack_ros.appearance.features import (
+    all_colours, COLOUR_CHANNELS, colour_names, COLOURS, GRADIENT_CHANNELS, memberships,
+    oriented_gradients, rgb555, sample_window)
 
 
 def plain_window(image, center, size, shape):
@@ -126,7 +123,7 @@ def test_gradients_dont_depend_on_contrast():
     """Half the contrast, nearly the same features; a flat image has none at all."""
     strong = directions(oriented_gradients(step_edge(0.7, low=20, high=240), 4))
     weak = directions(oriented_gradients(step_edge(0.7, low=75, high=185), 4))
-    assert strong.shape == (CHANNELS, 12, 12) and CHANNELS == 18
+    assert strong.shape == (GRADIENT_CHANNELS, 12, 12) and GRADIENT_CHANNELS == 18
     assert strong.min() >= -1e-6 and strong.max() <= 0.4 + 1e-6
     where = strong > 0.1
     assert where.any()
@@ -146,15 +143,15 @@ def test_an_edge_moves_its_cell_only():
 
 def test_colour_names_sum_to_nothing():
     """Memberships sum to one, and so do their means: the differences sum to zero."""
-    assert memberships().shape == (COLOURS_IN_15_BITS, 11)
+    assert memberships().shape == (COLOURS, 11)
     np.testing.assert_allclose(memberships().sum(axis=1), 0, atol=1e-9)
 
 
 def test_folded_colour_names_keep_their_products():
     """Of usual colours nearly all is kept, of saturated ones most; nothing is added."""
     described = colour_names(all_colours())
-    assert described.shape == (COLOURS, 1, COLOURS_IN_15_BITS)
-    numbers = described.reshape(COLOURS, -1).T.astype(float)
+    assert described.shape == (COLOUR_CHANNELS, 1, COLOURS)
+    numbers = described.reshape(COLOUR_CHANNELS, -1).T.astype(float)
     names = memberships()
     kept, energy = (numbers**2).sum(axis=1), (names**2).sum(axis=1)
     assert (kept <= energy + 1e-6).all()
@@ -184,7 +181,7 @@ def test_foreground_probability_is_bayes_with_even_odds():
     pixels[10:20, 10:12] = 200
     pixels[:5] = 200
     colours = colour_index(pixels)
-    model = ForegroundModel.create(False).learned(colours, (10, 20, 10, 20), 1.0)
+    model = ColourModel.create().updated(colours, (10, 20, 10, 20), 1.0)
     # a margin of 2 px about the target counts for neither
     surroundings = 30 * 30 - 14 * 14
     share = 5 * 30 / surroundings
@@ -200,8 +197,8 @@ def test_foreground_learning_is_a_running_average():
     first, second = np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20, 3), np.uint8)
     first[5:15, 5:15] = (255, 0, 0)
     second[5:15, 5:15] = (0, 0, 255)
-    model = ForegroundModel.create(True).learned(colour_index(first), (5, 15, 5, 15), 1.0)
-    after = model.learned(colour_index(second), (5, 15, 5, 15), 0.25)
+    model = ColourModel.create().updated(colour_index(first), (5, 15, 5, 15), 1.0)
+    after = model.updated(colour_index(second), (5, 15, 5, 15), 0.25)
     blue, red = (colour_index(np.array([[c]], np.uint8))[0, 0]
                  for c in ((255, 0, 0), (0, 0, 255)))
     assert after.target[blue] == pytest.approx(0.75)
@@ -222,4 +219,4 @@ def test_15_bits_of_a_colour():
     """Five bits of red, green and blue; the middle of each colour has that colour's number."""
     pixels = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255), (8, 16, 24)]], np.uint8)
     assert rgb555(pixels).tolist() == [[31, 31 << 5, 31 << 10, 1 | 2 << 5 | 3 << 10]]
-    np.testing.assert_array_equal(rgb555(all_colours())[0], np.arange(COLOURS_IN_15_BITS))
+    np.testing.assert_array_equal(rgb555(all_colours())[0], np.arange(COLOURS))

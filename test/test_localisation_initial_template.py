@@ -1,4 +1,4 @@
-"""The first look: what tells a target from where it was, and from what looks a little like it."""
+"""The verifier: what tells a target from where it was, and from what is a little similar."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ from drawn_video import DrawnVideo, SIZE, TARGET
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.correlation import CorrelationFilter
-from vtrack_ros.appearance.first_look import FirstLook
-from vtrack_ros.appearance.target import TargetModel
+from vtrack_ros.appearance.correlation_filter import CorrelationFilter
+from vtrack_ros.localisation.initial_template import InitialTemplate
+from vtrack_ros.localisation.search_window import WindowLayout
+from vtrack_ros.localisation.target_model import TargetModel
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
 
-def learned(frame, center=MIDDLE):
-    """Return the first look of the target at a place."""
-    model = TargetModel.create(frame, center, TARGET)
-    return FirstLook.of(model, model.view(frame, center, TARGET))
+def window_at(frame, center=MIDDLE):
+    """Return the search window about a place."""
+    return WindowLayout.around(*TARGET).window(frame, center, TARGET)
 
 
-def likeness(look, frame, center=MIDDLE):
-    """Return how much a place looks like it."""
-    view = look.model.view(frame, center, TARGET)
-    return look.likeness(view, look.model.transform(view))
+def learned(frame):
+    """Return the initial template of the target in the middle."""
+    window = window_at(frame)
+    return InitialTemplate.of(TargetModel.create(window), window)
+
+
+def similarity(template, frame, center=MIDDLE):
+    """Return how similar a place is to it."""
+    return template.similarity(window_at(frame, center))
 
 
 def test_a_confined_filter_sees_the_target_alone():
@@ -30,7 +35,7 @@ def test_a_confined_filter_sees_the_target_alone():
     rng = np.random.default_rng(0)
     empty = CorrelationFilter.create(20, 24, 1.5)
     features = rng.normal(size=(4, 20, 24)).astype(np.float32)
-    whole = empty.learned(empty.transform(features), 1.0)
+    whole = empty.updated(empty.transform(features), 1.0)
     part = whole.confined(8.0, 6.0)
     other = rng.normal(size=features.shape).astype(np.float32)
     # a cell further than half the target, whose border may lie in a cell
@@ -47,47 +52,46 @@ def test_a_filter_confined_to_the_whole_window_is_the_filter():
     empty = CorrelationFilter.create(20, 24, 1.5)
     features = np.random.default_rng(1).normal(size=(4, 20, 24)).astype(np.float32)
     spectrum = empty.transform(features)
-    whole = empty.learned(spectrum, 1.0)
+    whole = empty.updated(spectrum, 1.0)
     np.testing.assert_allclose(
         whole.confined(48.0, 40.0).response(spectrum), whole.response(spectrum), atol=1e-4)
 
 
-def test_a_blank_target_is_like_nothing():
+def test_a_blank_target_is_similar_to_nothing():
     """Where there's nothing to recognise no place is recognised, and the scale stays sane."""
     blank = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
-    look = learned(blank)
+    template = learned(blank)
     for frame in (blank, DrawnVideo().frame(MIDDLE)):
-        assert -10 < likeness(look, frame) < 0.1
+        assert -10 < similarity(template, frame) < 0.1
 
 
 @pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
-def test_the_first_look_itself(colour):
+def test_the_first_frame_itself(colour):
     """0.75, also a pixel beside it, and in a video as bright again."""
     frame = DrawnVideo(colour).frame(MIDDLE)
-    look = learned(frame)
-    assert likeness(look, frame) == pytest.approx(0.75, abs=0.01)
-    assert likeness(look, frame, (MIDDLE[0] + 1, MIDDLE[1])) > 0.5
+    template = learned(frame)
+    assert similarity(template, frame) == pytest.approx(0.75, abs=0.01)
+    assert similarity(template, frame, (MIDDLE[0] + 1, MIDDLE[1])) > 0.5
 
 
 @pytest.mark.parametrize('seed', range(5))
 def test_the_place_where_it_stood_is_not_the_target(seed):
     """The surroundings are all there, and answer: less than a fifth of what the target does."""
     video = DrawnVideo(seed=seed)
-    look = learned(video.frame(MIDDLE))
-    empty = video.frame(None)
-    view = look.model.view(empty, MIDDLE, TARGET)
-    spectrum = look.model.transform(view)
-    assert look.likeness(view, spectrum) < 0.2 * 0.75
-    assert look.likeness(view, spectrum) < look.model.correlation.response(spectrum).max()
+    window, empty = window_at(video.frame(MIDDLE)), window_at(video.frame(None))
+    model = TargetModel.create(window)
+    similar = InitialTemplate.of(model, window).similarity(empty)
+    assert similar < 0.2 * 0.75
+    assert similar < model.correlation.response(empty.spectrum).max()
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_other_colours_make_it_less_alike(seed):
+def test_other_colours_make_it_less_similar(seed):
     """The same pattern with red and blue exchanged."""
     video = DrawnVideo(seed=seed)
-    look = learned(video.frame(MIDDLE))
+    template = learned(video.frame(MIDDLE))
     frame, other = video.frame(MIDDLE), video.frame(None)
     box = tuple(slice(int(middle - side / 2), int(middle + side / 2))
                 for middle, side in zip(MIDDLE[::-1], TARGET[::-1]))
     other[box] = frame[box][..., ::-1]
-    assert likeness(look, other) < 0.8 * likeness(look, frame)
+    assert similarity(template, other) < 0.8 * similarity(template, frame)

@@ -1,0 +1,167 @@
+"""Tracking failures: when they're declared and over, where the target is searched, and a jump."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from drawn_video import DrawnVideo, TARGET
+import numpy as np
+import pytest
+
+from vtrack_ros.localisation.initial_template import InitialTemplate
+from vtrack_ros.localisation.redetection import has_failed, Redetection, VelocityEstimate
+from vtrack_ros.localisation.search_window import WindowLayout
+from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
+
+HERE, ELSEWHERE = (60.0, 60.0), (250.0, 180.0)
+VIDEO = DrawnVideo(seed=4, blob=60)
+
+
+class Verifier:
+    """Stands for the initial template: every place has the same similarity."""
+
+    def __init__(self, similarity):
+        """Take the similarity."""
+        self._similarity = similarity
+
+    def similarity(self, window, shift=(0.0, 0.0)):
+        """Return it."""
+        return self._similarity
+
+
+@pytest.fixture(scope='module')
+def known():
+    """Return the target as it's known where it was, and its template."""
+    frame = VIDEO.frame(HERE)
+    window = WindowLayout.around(*TARGET).window(frame, HERE, TARGET)
+    model = TargetModel.create(window)
+    snapshot = TargetSnapshot(model, HERE, TARGET, 0.8, 0.7)
+    return snapshot, InitialTemplate.of(model, window)
+
+
+def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0):
+    """Return a search with a snapshot, two windows a frame."""
+    return Redetection(snapshot, verifier, velocity, age, 2, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize('similarity, peak, failed', [
+    (0.7, 0.8, False), (0.16, 0.8, False), (0.14, 0.8, True), (0.7, 0.57, False),
+    (0.7, 0.55, True)])
+def test_a_failure_is_too_low_a_response_or_similarity(known, similarity, peak, failed):
+    """Below 0.7 of the usual response; or of similarity below what is good in any target."""
+    assert has_failed(known[0], similarity, peak) is failed
+
+
+def test_the_similarity_of_a_faint_target_may_be_low(known):
+    """Below 0.6 of the usual one it fails, however little that is."""
+    faint = replace(known[0], usual_similarity=0.1)
+    assert not has_failed(faint, 0.061, 0.8)
+    assert has_failed(faint, 0.059, 0.8)
+
+
+def test_five_frames_of_trusted_similarity_end_the_failure(known):
+    """In a row: a frame between them that isn't, and they count anew."""
+    snapshot, _ = known
+    redetection = search(snapshot, Verifier(0.0))
+    frame = VIDEO.frame(None)
+    for similarities in ([0.14] * 4 + [0.12], [0.14] * 4):
+        for similarity in similarities:
+            verdict = redetection.update(frame, snapshot, similarity, 0.1, 1.0)
+            assert not verdict.over
+    verdict = redetection.update(frame, snapshot, 0.14, 0.1, 1.0)
+    assert verdict.over and not verdict.elsewhere
+    assert verdict.live.usual_similarity == snapshot.usual_similarity
+
+
+@pytest.mark.parametrize('peak, over', [(0.7, True), (0.6, False)])
+def test_a_target_seen_well_for_forty_frames_has_changed(known, peak, over):
+    """It's not like the first frame any more, but the response is: that's usual from now on."""
+    snapshot, _ = known
+    redetection = search(snapshot, Verifier(0.0))
+    frame = VIDEO.frame(None)
+    verdicts = [redetection.update(frame, snapshot, 0.125, peak, 1.0) for _ in range(41)]
+    assert [verdict.over for verdict in verdicts] == [False] * 40 + [over]
+    assert not verdicts[-1].elsewhere
+    if over:
+        assert verdicts[-1].live.usual_similarity == 0.125
+
+
+def test_the_usual_response_follows_slowly_meanwhile(known):
+    """By 3 % of the difference."""
+    verdict = search(known[0], Verifier(0.0)).update(
+        VIDEO.frame(None), known[0], 0.0, 0.3, 1.0)
+    assert verdict.live.usual_response == pytest.approx(0.8 - 0.03 * 0.5)
+
+
+@pytest.mark.parametrize('dt, frames', [(1.0, 36), (4.0, 36)])
+def test_a_hidden_target_is_searched_on_its_straight_way_on(known, dt, frames):
+    """It's found at once where it's gone since, and isn't where it's taken for resting."""
+    snapshot, template = known
+    velocity = np.subtract(ELSEWHERE, HERE) / frames
+    frame = VIDEO.frame(ELSEWHERE)
+    verdict = search(snapshot, template, tuple(velocity), frames - dt).update(
+        frame, snapshot, 0.0, 0.1, dt)
+    assert verdict.over and verdict.elsewhere
+    assert np.hypot(*np.subtract(verdict.live.center, ELSEWHERE)) < 4
+    assert verdict.similarity > 0.4
+    rests = search(snapshot, template, age=1.0).update(frame, snapshot, 0.0, 0.1, dt)
+    assert not rests.over
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_its_colours_tell_where_to_search(known, seed):
+    """Two hundred pixels away, found within a few frames once colours are asked, in the ninth."""
+    snapshot, template = known
+    redetection = search(snapshot, template, seed=seed)
+    frame = VIDEO.frame(ELSEWHERE)
+    for count in range(1, 20):
+        verdict = redetection.update(frame, snapshot, 0.0, 0.1, 0.01)
+        if verdict.over:
+            break
+    assert verdict.elsewhere and count > 8
+    assert np.hypot(*np.subtract(verdict.live.center, ELSEWHERE)) < 4
+
+
+@pytest.mark.parametrize('similarity, jumps', [(0.08, False), (0.09, True)])
+def test_no_jump_to_what_would_not_be_taken_for_the_target(known, similarity, jumps):
+    """However little the target has been like itself lately, as in a shadow, and is here."""
+    snapshot = replace(known[0], usual_similarity=0.1)
+    redetection = search(snapshot, Verifier(similarity), (5.0, 3.0), 36.0)
+    frame = VIDEO.frame((HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37))
+    verdict = redetection.update(frame, snapshot, 0.01, 0.5, 1.0)
+    assert verdict.elsewhere is jumps
+    assert (verdict.live.center == HERE) is not jumps
+
+
+@pytest.mark.parametrize('here, jumps', [(0.1, False), (0.08, True)])
+def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
+    """The other one has to be better three times; where it isn't plausible, once."""
+    snapshot, template = known
+    age = 36.0
+    redetection = search(snapshot, template, (5.0, 3.0), age)
+    over = []
+    for count in range(1, 7):
+        frame = VIDEO.frame((HERE[0] + 5.0 * (age + count), HERE[1] + 3.0 * (age + count)))
+        verdict = redetection.update(frame, snapshot, here, 0.5, 1.0)
+        over.append(verdict.over)
+        if verdict.over:
+            break
+    # every second frame searches the way on
+    assert len(over) == (1 if jumps else 5) and over[-1] and verdict.elsewhere
+
+
+def test_the_size_of_an_uncertain_target_is_bounded(known):
+    """By half as much again, up and down, of the first width times the factor of before."""
+    assert search(known[0], Verifier(0.0)).bounds(TARGET[0] / 2) == (2 / 1.5, 2 * 1.5)
+
+
+def test_velocity_is_a_running_mean_of_whole_steps():
+    """0.3 of the latest step's; a step that's interrupted doesn't count."""
+    velocity = VelocityEstimate()
+    velocity.begin((10.0, 10.0), 2.0)
+    assert velocity.velocity == (0.0, 0.0)
+    velocity.begin((18.0, 10.0), 1.0)
+    assert velocity.velocity == (pytest.approx(0.3 * 4), 0.0)
+    velocity.interrupt()
+    velocity.begin((100.0, 10.0), 1.0)
+    assert velocity.velocity == (pytest.approx(0.3 * 4), 0.0)

@@ -1,0 +1,262 @@
+"""
+What is computed of a window's pixels: its samples, oriented gradients and colour names.
+
+Every function's cost depends on the number of samples alone, and neither on the window's size nor
+on the frame's.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Frame
+
+#: A window's features: float32, shape (channels, rows, columns).
+Features = NDArray[np.float32]
+
+_SIGNED = 18
+_UNSIGNED = 9
+#: Channels of `oriented_gradients`.
+GRADIENT_CHANNELS = _SIGNED
+#: No channel grows beyond this share of its block's energy [Dalal and Triggs 2005, sec. 6.4].
+_TRUNCATION = 0.2
+#: Gradient, in grey levels, below which a cell counts as noise and isn't amplified.
+_NOISE = 8.0
+
+#: Colours of 15 bits, to look up what is known of them.
+COLOURS = 1 << 15
+#: Channels of `colour_names`.
+COLOUR_CHANNELS = 7
+_NAMES_BGR = np.array([
+    (0, 0, 0), (230, 80, 20), (20, 60, 110), (128, 128, 128), (40, 150, 40), (0, 140, 255),
+    (180, 105, 255), (150, 30, 130), (40, 40, 220), (255, 255, 255), (0, 230, 240)], np.uint8)
+_SPREAD = 22.0
+#: Lightness varies with the light: it counts for less than hue and chroma.
+_LIGHTNESS_WEIGHT = 0.5
+#: Chroma beyond which colours are rare in natural images.
+_USUAL_CHROMA = 30.0
+
+
+def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, float],
+                  shape: tuple[int, int]) -> Frame:
+    """
+    Resample a window to a fixed shape; what's outside the frame repeats its border.
+
+    Where several pixels fall on one sample, a regular subset of them is used. A window of whole
+    pixels inside the frame is the quickest.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (H, W, 3) or (H, W)
+        The image.
+    center, size : tuple of float, [px]
+        The window's centre (x, y) and size (width, height).
+    shape : tuple of int
+        (rows, columns) of the result.
+
+    Returns
+    -------
+    ndarray of uint8, shape (rows, columns, 3) or (rows, columns)
+
+    """
+    rows, columns = shape
+    step_x, step_y = size[0] / columns, size[1] / rows
+    left, top = center[0] - size[0] / 2, center[1] - size[1] / 2
+    height, width = frame.shape[:2]
+    x, y, right, bottom = int(left), int(top), int(left + size[0]), int(top + size[1])
+    whole = (x, y, right, bottom) == (left, top, left + size[0], top + size[1])
+    if whole and 0 <= x < right <= width and 0 <= y < bottom <= height:
+        window: Frame = cv2.resize(
+            frame[y:bottom, x:right], (columns, rows), interpolation=cv2.INTER_LINEAR)
+        return window
+    offset_x = offset_y = 0
+    stride = max(1, int(min(step_x, step_y)))
+    if stride > 1:
+        offset_x = min(max(int(left) - stride, 0), width - 1)
+        offset_y = min(max(int(top) - stride, 0), height - 1)
+        right = min(max(int(left + size[0]) + 2 * stride, offset_x + 1), width)
+        bottom = min(max(int(top + size[1]) + 2 * stride, offset_y + 1), height)
+        frame = np.ascontiguousarray(frame[offset_y:bottom:stride, offset_x:right:stride])
+    # OpenCV counts from the centre of a pixel, boxes from its outer corner
+    matrix = np.array([
+        [step_x / stride, 0.0, (left + step_x / 2 - 0.5 - offset_x) / stride],
+        [0.0, step_y / stride, (top + step_y / 2 - 0.5 - offset_y) / stride]])
+    window = cv2.warpAffine(
+        frame, matrix, (columns, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE)
+    return window
+
+
+def describe(grey: Frame, cells: Frame, cell: int) -> Features:
+    """
+    Return the features of a window: oriented gradients, lightness and, of colour, colour names.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (rows * cell, columns * cell)
+        The window.
+    cells : ndarray of uint8, shape (rows, columns, 3) or (rows, columns)
+        The window with a pixel for each cell.
+    cell : int, [px]
+        Side of a cell.
+
+    Returns
+    -------
+    ndarray of float32, shape (channels, rows, columns)
+
+    """
+    colour = cells.ndim == 3
+    channels = GRADIENT_CHANNELS + 1 + colour * COLOUR_CHANNELS
+    features = np.empty((channels, *cells.shape[:2]), np.float32)
+    oriented_gradients(grey, cell, features[:GRADIENT_CHANNELS])
+    lightness = cv2.cvtColor(cells, cv2.COLOR_BGR2GRAY) if colour else cells
+    np.multiply(lightness, 1 / 255, out=features[GRADIENT_CHANNELS])
+    features[GRADIENT_CHANNELS] -= 0.5
+    if colour:
+        features[GRADIENT_CHANNELS + 1:] = colour_names(cells)
+    return features
+
+
+def oriented_gradients(
+        grey: Frame, cell: int = 4, out: Features | None = None) -> Features:
+    """
+    Return contrast-normalised histograms of gradient orientation.
+
+    The 18 signed and 9 unsigned orientations a cell of Felzenszwalb et al. (2010), with one block
+    of 3 x 3 cells for the normalisation in place of their four of 2 x 2, folded into 18 channels
+    that have the same scalar products: with s and t in opposite directions, those of (s, t, s + t)
+    are those of `(sqrt(3/2) (s + t), sqrt(1/2) (s - t))`.
+
+    Parameters
+    ----------
+    grey : ndarray of uint8, shape (rows * cell, columns * cell)
+        The image.
+    cell : int, [px]
+        Side of a cell.
+    out : ndarray of float32, shape (18, rows, columns), optional
+        Where the result is put.
+
+    Returns
+    -------
+    ndarray of float32, shape (18, rows, columns)
+        Nine sums, then nine differences, of the directions from 0 to 160 degrees and those
+        opposite to them; magnitudes below 1.
+
+    """
+    rows, columns = grey.shape[0] // cell, grey.shape[1] // cell
+    level = grey.astype(np.float32)
+    along = np.zeros((2, *grey.shape), np.float32)
+    np.subtract(level[:, 2:], level[:, :-2], out=along[0, :, 1:-1])
+    np.subtract(level[2:], level[:-2], out=along[1, 1:-1])
+    # rounded to the nearest bin; angles that round up to a full turn are in a bin of their own
+    bins = cv2.convertScaleAbs(cv2.phase(along[0], along[1]), alpha=_SIGNED / (2 * np.pi))
+    index = np.multiply(bins, rows * columns, dtype=np.intp)
+    index += _cells(rows, columns, cell)
+    # OpenCV 4.6 rounds its own magnitude by where the arrays lie in memory: no two runs agree
+    along *= along
+    magnitude = np.add(along[0], along[1], out=along[0])
+    np.sqrt(magnitude, out=magnitude)
+    counted = np.bincount(index.ravel(), magnitude.ravel(), rows * columns * (_SIGNED + 1))
+    histogram = counted.reshape(_SIGNED + 1, rows, columns)
+    signed = histogram[:_SIGNED].astype(np.float32)
+    signed[0] += histogram[_SIGNED]
+    forth, back = signed[:_UNSIGNED], signed[_UNSIGNED:]
+    unsigned = forth + back
+    unsigned *= unsigned
+    block = cv2.blur(np.add.reduce(unsigned), (3, 3), borderType=cv2.BORDER_REPLICATE)
+    block += np.float32((cell * _NOISE / 2)**2)
+    np.sqrt(block, out=block)
+    block *= np.float32(np.sqrt(2))
+    signed *= np.reciprocal(block, out=block)
+    np.minimum(signed, np.float32(np.sqrt(2) * _TRUNCATION), out=signed)
+    result: Features = np.empty_like(signed) if out is None else out
+    np.add(forth, back, out=result[:_UNSIGNED])
+    result[:_UNSIGNED] *= np.float32(np.sqrt(3))
+    np.subtract(forth, back, out=result[_UNSIGNED:])
+    return result
+
+
+@lru_cache(maxsize=32)
+def _cells(rows: int, columns: int, cell: int) -> NDArray[np.intp]:
+    """Return each pixel's cell, shape (rows * cell, columns * cell)."""
+    of_row = (np.arange(rows * cell) // cell)[:, None] * columns
+    return of_row + (np.arange(columns * cell) // cell)[None, :]
+
+
+def colour_names(pixels: Frame) -> Features:
+    """
+    Return each pixel's membership in eleven colours, less its mean over all colours, folded.
+
+    Black, blue, brown, grey, green, orange, pink, purple, red, white and yellow (Berlin and Kay),
+    by a Gaussian kernel on the distance in CIE Lab; of these eleven dimensions the seven in which
+    usual colours, those near grey, have most of their energy. Scalar products hardly change.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (rows, columns, 3)
+        The colours.
+
+    Returns
+    -------
+    ndarray of float32, shape (7, rows, columns)
+
+    """
+    return _table().take(rgb555(pixels), axis=0).transpose(2, 0, 1)
+
+
+@lru_cache(maxsize=1)
+def _table() -> NDArray[np.float32]:
+    """Return the numbers of all 15-bit colours, shape (32768, CHANNELS)."""
+    names = memberships()
+    lab = _lab(all_colours()[0])
+    frequency = np.exp(-(lab[:, 1:]**2).sum(1) / (2 * _USUAL_CHROMA**2))
+    _, axes = np.linalg.eigh((names.T * frequency) @ names)
+    table: NDArray[np.float32] = (names @ axes[:, -COLOUR_CHANNELS:]).astype(np.float32)
+    return table
+
+
+def memberships() -> NDArray[np.float64]:
+    """Return the memberships of all 15-bit colours, less their mean, shape (32768, 11)."""
+    difference = _lab(all_colours()[0])[:, None] - _lab(_NAMES_BGR)[None]
+    distance2 = difference**2 @ np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0])
+    # the nearest name keeps a membership however far it is
+    nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
+    membership: NDArray[np.float64] = nearness / nearness.sum(1, keepdims=True)
+    return membership - membership.mean(0)
+
+
+def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:
+    converted = cv2.cvtColor(bgr.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
+    lab: NDArray[np.float64] = converted.reshape(-1, 3).astype(np.float64)
+    return lab
+
+
+def rgb555(pixels: Frame) -> NDArray[np.uint16]:
+    """
+    Return each pixel's red, green and blue with five bits each, red in the highest.
+
+    Parameters
+    ----------
+    pixels : ndarray of uint8, shape (rows, columns, 3)
+        In BGR order.
+
+    Returns
+    -------
+    ndarray of uint16, shape (rows, columns)
+        Below `COLOURS`.
+
+    """
+    packed = cv2.cvtColor(pixels, cv2.COLOR_BGR2BGR555).view(np.uint16)
+    result: NDArray[np.uint16] = packed[:, :, 0]
+    return result
+
+
+def all_colours() -> Frame:
+    """Return the middle of each of the colours, in order, shape (1, COLOURS, 3), BGR."""
+    number = np.arange(COLOURS)
+    levels = np.stack([number & 31, number >> 5 & 31, number >> 10], axis=-1)
+    return (levels * 8 + 4).astype(np.uint8)[np.newaxis]

@@ -1,0 +1,28 @@
+"""
+Where one target is in a frame: the engine that every tracker of the product holds.
+
+A `Localiser` is made on the first frame. Then, in each frame, a tracker asks it for the response
+about a place, decides for a place (with its filter, its particles, or none), and gives it back::
+
+    frame, place                                        the tracker's decision
+         |                                                        |
+    SearchWindow      sampled, described                          |
+         |                                                        |
+    TargetModel  ->  ResponseMap  ------>  localise()          update()
+                                                                  |
+          TargetModel updated there; InitialTemplate: its similarity to the first frame
+                                                                  |
+          has_failed()?  Redetection: search with the TargetSnapshot of before
+                                                                  |
+          PresenceDetector: confidence, and for how long the target hasn't been seen
+
+`search_window` lays out and describes the window, `target_model` knows the target (correlation
+filter, colours, scale), `response_map` is what it answers, `initial_template` verifies places,
+`presence` judges whether the target is there, `redetection` notices failures and searches. Beside
+them, `upright_search` turns the frame for targets that turn, `mean_shift` climbs and fuses.
+"""
+
+from vtrack_ros.localisation.localiser import Localiser
+from vtrack_ros.localisation.response_map import ResponseMap
+
+__all__ = ['Localiser', 'ResponseMap']

@@ -1,0 +1,206 @@
+"""Localises one target frame by frame: what every tracker of this package holds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.initial_template import InitialTemplate
+from vtrack_ros.localisation.presence import PresenceDetector, state_after, unknown_covariance
+from vtrack_ros.localisation.redetection import (
+    ALWAYS_GOOD, has_failed, Redetection, VelocityEstimate)
+from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import inside, WindowLayout
+from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
+from vtrack_ros.tracker import Estimate
+
+#: The scale changes slowly: it's measured and updated in every fourth frame, and in the frame
+#: after one in which it changed by this logarithm; colours in every second one.
+_SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
+#: A target that's beyond question is verified in every second frame too; it's questionable where
+#: the response is below this share of the usual one, or where it wasn't always good enough before.
+_VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
+#: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
+_CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
+_SMALLEST, _LARGEST = 0.2, 5.0
+
+
+class Localiser:
+    """
+    Localises a target in each frame, updates its model, and notices when tracking has failed.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8
+        The image that it starts on.
+    center, size : tuple of float, [px]
+        The target's.
+    rng : numpy.random.Generator
+        Where re-detection draws its places.
+    searches : int
+        Windows searched in each frame after a failure.
+
+    """
+
+    def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
+                 searches: int = 2) -> None:
+        window = WindowLayout.around(*size).window(frame, center, size)
+        model = TargetModel.create(window)
+        self._template = InitialTemplate.of(model, window)
+        self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
+        self._first_size = size
+        self._rng, self._searches = rng, searches
+        self._frames, self._growing = 0, False
+        self._similarity = 1.0
+        self._presence = PresenceDetector()
+        self._velocity = VelocityEstimate()
+        self._failure: Redetection | None = None
+
+    @property
+    def center(self) -> Point:
+        """Return the target's centre, in pixels."""
+        return self._live.center
+
+    @property
+    def size(self) -> Point:
+        """Return the target's (width, height), in pixels."""
+        return self._live.size
+
+    @property
+    def reach(self) -> Point:
+        """Return the search window's (width, height) in units of the target's."""
+        return self._live.model.layout.reach
+
+    @property
+    def usual_response(self) -> float:
+        """Return the running mean of the highest response, which is positive."""
+        return max(self._live.usual_response, 1e-6)
+
+    @property
+    def uncertain(self) -> bool:
+        """Tell whether tracking has failed, so that the target is searched elsewhere too."""
+        return self._failure is not None
+
+    @property
+    def unseen_frames(self) -> float:
+        """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
+        return self._presence.unseen_frames
+
+    def localise(self, frame: Frame, center: Point) -> ResponseMap:
+        """Return the response about a place, in pixels; nothing changes."""
+        return self._live.localise(frame, center)
+
+    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float) -> bool:
+        """
+        Take a place for the target's, update the model there, and judge it.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+            The image.
+        response : ResponseMap
+            Of `localise`.
+        center : tuple of float, [px]
+            The place that the tracker decided for.
+        dt : float, [frames]
+            The time since the last frame.
+
+        Returns
+        -------
+        bool
+            Whether the target was found again elsewhere. Where it wasn't, `center` of this object
+            is the given one, or next to it: near the window's border a place is localised twice.
+
+        """
+        before = self._live
+        self._live = self._updated(frame, response, inside(center, frame))
+        elsewhere = False
+        if self._failure is None:
+            self._judge(before, response.peak, dt)
+        else:
+            verdict = self._failure.update(
+                frame, self._live, self._similarity, response.peak, dt)
+            self._live, self._similarity = verdict.live, verdict.similarity
+            elsewhere = verdict.elsewhere
+            if verdict.over:
+                self._failure = None
+        self._presence.judge(self._similarity, self._live.usual_similarity, dt, elsewhere)
+        return elsewhere
+
+    def move_to(self, center: Point) -> None:
+        """Put the target at another place, in pixels: the same one, in other coordinates."""
+        self._live = replace(self._live, center=center)
+
+    def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
+                 affine: Array | None = None, box: Box | None = None) -> Estimate:
+        """
+        Return the estimate.
+
+        Parameters
+        ----------
+        covariance : ndarray, shape (4, 4), [px^2]
+            The filter's own, of (centre x, centre y, width, height); what no filter knows (the
+            error of the model itself) is added.
+        angle, particles, affine
+            As in `Estimate`.
+        box : Box, optional
+            Where it isn't that of `center` and `size`.
+
+        """
+        if box is None:
+            box = Box.from_center(*self.center, *self.size)
+        unseen = self._presence.unseen_frames
+        unknown = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, unseen)
+        return Estimate(
+            box=box, angle=angle, covariance=covariance + unknown,
+            confidence=self._presence.confidence, state=state_after(unseen), particles=particles,
+            affine=affine)
+
+    def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
+        """Return the target updated at a place; verify it there, if it's time for that."""
+        if not is_centred(response.window.shift(center)):
+            # the taper distorts what is near the border, and some of the target may be beyond it
+            response = self.localise(frame, center)
+            center = inside(response.local_maximum(center), frame)
+        window, live = response.window, self._live
+        model, size, shift = live.model, live.size, window.shift(center)
+        self._frames += 1
+        if self._frames % _SCALE_EVERY == 0 or self._growing:
+            growth = model.growth(window, shift)
+            self._growing = abs(math.log(growth)) > _GROWING
+            size = self._bounded((window.size[0] * growth, window.size[1] * growth))
+            model = model.with_scale(window, shift, growth)
+        if self._frames % _COLOURS_EVERY == 1:
+            model = model.with_colours(window, shift)
+        questionable = (self.uncertain or self._similarity < ALWAYS_GOOD
+                        or response.peak < _QUESTIONABLE_RESPONSE * live.usual_response)
+        if self._frames % _VERIFIED_EVERY == 0 or questionable:
+            self._similarity = self._template.similarity(window, shift)
+        return TargetSnapshot(model.updated(window, shift), center, size,
+                              live.usual_response, live.usual_similarity)
+
+    def _bounded(self, size: Point) -> Point:
+        """Bound a size, of the first one's aspect: who is out of sight may not drift far."""
+        width, height = self._first_size
+        factor = min(max(size[0] / width, _SMALLEST), _LARGEST)
+        if self._failure is not None:
+            least, largest = self._failure.bounds(width)
+            factor = min(max(factor, least), largest)
+        return factor * width, factor * height
+
+    def _judge(self, before: TargetSnapshot, peak: float, dt: float) -> None:
+        """Follow what's usual, or begin to search with a snapshot when tracking has failed."""
+        if self._frames == 1:
+            self._live = before = replace(
+                self._live, usual_response=peak, usual_similarity=self._similarity)
+        self._velocity.begin(before.center, dt)
+        if has_failed(before, self._similarity, peak):
+            self._velocity.interrupt()
+            self._failure = Redetection(before, self._template, self._velocity.velocity, dt,
+                                        self._searches, self._rng)
+        else:
+            self._live = self._live.with_response(peak).with_similarity(self._similarity)

@@ -1,0 +1,91 @@
+"""Mean shift on a map, and its fusion with particles [Yin2013]."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Array, Point
+
+
+def fuse(zeta: float, climbed: Point, best: Point, near: float, far: float, accepted: float,
+         rejected: float) -> Point | None:
+    """
+    Fuse the places that mean shift and the particles found [Yin2013, eqs 13-15].
+
+    Parameters
+    ----------
+    zeta : float
+        The similarity at `climbed`.
+    climbed, best : tuple of float, [px]
+        y_ms and y_pf.
+    near, far : float, [px]
+        The distances sigma and sigma a, within which the two agree and are compatible.
+    accepted, rejected : float
+        The similarity th from which mean shift is trusted, and r up to which it isn't at all.
+
+    Returns
+    -------
+    tuple of float, [px], or None
+        None where the two contradict each other.
+
+    """
+    if zeta <= rejected:
+        return best
+    distance = math.dist(climbed, best)
+    if distance > far:
+        return None
+    if zeta < accepted:
+        return best
+    if distance >= near:
+        return climbed
+    return (zeta * climbed[0] + (1 - zeta) * best[0], zeta * climbed[1] + (1 - zeta) * best[1])
+
+
+def climbing_weights(response: NDArray[np.float32]) -> Array:
+    """Return the weights for a climb on a response: what is above its background, cubed."""
+    above = np.maximum(response.astype(np.float64) - response.mean(), 0.0)
+    return above * above * above
+
+
+def climb(weights: Array, start: Array, bandwidth: Array, steps: int,
+          tolerance: float = 0.01) -> Array:
+    """
+    Climb to a maximum of the kernel density of a weighted map by mean shift [Yin2013, eq. 2].
+
+    Parameters
+    ----------
+    weights : ndarray, shape (rows, columns)
+        Not negative.
+    start, bandwidth : ndarray, shape (2,), [cells]
+        (x, y); the Gaussian kernel is axis-aligned.
+    steps : int
+        At most so many.
+    tolerance : float, [cells]
+        A step shorter than that is the last one.
+
+    Returns
+    -------
+    ndarray, shape (2,), [cells]
+
+    """
+    rows, columns = weights.shape
+    column, row = np.arange(float(columns)), np.arange(float(rows))
+    x, y = float(start[0]), float(start[1])
+    narrow_x, narrow_y = (-0.5 / float(width)**2 for width in bandwidth)
+    for _ in range(steps):
+        # the kernel is separable: two products of matrix and vector
+        kernel_x = np.exp(narrow_x * np.square(column - x))
+        kernel_y = np.exp(narrow_y * np.square(row - y))
+        in_x = (kernel_y @ weights) * kernel_x
+        in_y = (weights @ kernel_x) * kernel_y
+        total = float(in_x.sum())
+        if total <= 1e-12:
+            break
+        before_x, before_y = x, y
+        x, y = float(in_x @ column) / total, float(in_y @ row) / total
+        if max(abs(x - before_x), abs(y - before_y)) < tolerance:
+            break
+    return np.array([x, y])

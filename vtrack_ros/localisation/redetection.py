@@ -1,0 +1,235 @@
+"""Tracking failures: how they're noticed, and how the target is found again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vtrack_ros.appearance.colour_model import box_mean, colour_index
+from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.initial_template import InitialTemplate
+from vtrack_ros.localisation.presence import EVEN_SIMILARITY
+from vtrack_ros.localisation.search_window import inside
+from vtrack_ros.localisation.target_model import TargetSnapshot
+
+#: Tracking fails when the response falls below this share of the usual one, or the similarity
+#: below its share (or below a level that is trusted in every target).
+_FAILED_RESPONSE = 0.7
+_FAILED_SIMILARITY, ALWAYS_GOOD = 0.6, 0.15
+#: Similarity that ends the failure, or justifies a jump: the lower of a share and a level, but
+#: never one that speaks against the target.
+_TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
+#: Similarity that leaves the present place plausible, likewise.
+_PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
+#: Frames of trusted similarity that end the failure.
+_TRUSTED_FRAMES = 5
+#: Updates after which a target that looks different, but is seen well, is taken for changed.
+_ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
+#: A jump needs this much more similarity, and that often while the present place is plausible.
+_JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
+_JUMP_FRAMES = 3
+#: A place is worth verifying where the response has this share of the usual one.
+_WORTH_VERIFYING = 0.5
+#: The target is searched on its straight way on for that long.
+_EXTRAPOLATED_FRAMES = 60
+#: By which factor the size of a target may change that isn't certain.
+_DRIFT = 1.5
+#: Weight of the latest step in the velocity.
+_VELOCITY_RATE = 0.3
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    What one more frame of a search says.
+
+    Parameters
+    ----------
+    live : TargetSnapshot
+        What's to go on with.
+    similarity : float
+        Of its place to the initial template.
+    over : bool
+        Whether the failure is over.
+    elsewhere : bool
+        Whether the target was found at another place.
+
+    """
+
+    live: TargetSnapshot
+    similarity: float
+    over: bool = False
+    elsewhere: bool = False
+
+
+class Redetection:
+    """
+    Searches, after a tracking failure, with the target as it was known before.
+
+    Updates of the live model never stop, since a change of appearance looks like an occlusion.
+    The snapshot searches beside the live one, which it replaces once it has found a place that is
+    verifiably more similar to the target. The failure is over, too, when the live place has been
+    similar enough for a while.
+
+    Parameters
+    ----------
+    snapshot : TargetSnapshot
+        Of before the failure.
+    template : InitialTemplate
+        What places are verified with.
+    velocity : tuple of float, [px/frame]
+        Of before the failure.
+    age : float, [frames]
+        The time since the snapshot.
+    searches : int
+        Windows searched in each frame.
+    rng : numpy.random.Generator
+        Where places are drawn from.
+
+    """
+
+    def __init__(self, snapshot: TargetSnapshot, template: InitialTemplate, velocity: Point,
+                 age: float, searches: int, rng: np.random.Generator) -> None:
+        self._snapshot, self._template = snapshot, template
+        self._velocity = velocity
+        self._age = age
+        self._searches = searches
+        self._rng = rng
+        self._updates = self._trusted_frames = self._jump_frames = 0
+
+    def bounds(self, width: float) -> tuple[float, float]:
+        """Return the least and the largest factor of a width that the size may have."""
+        known = self._snapshot.size[0] / width
+        return known / _DRIFT, known * _DRIFT
+
+    def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
+               dt: float) -> Verdict:
+        """
+        Judge the live place, and search with the snapshot.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8
+            The image.
+        live : TargetSnapshot
+            As it was updated in this frame.
+        similarity, peak : float
+            Of the live place to the initial template, and the highest response about it.
+        dt : float, [frames]
+            The time since the last frame.
+
+        """
+        usual = live.usual_response
+        live = live.with_response(peak)
+        self._updates += 1
+        self._age += dt
+        level = self._snapshot.usual_similarity
+        trusted = max(min(_TRUSTED_SHARE * level, _TRUSTED), EVEN_SIMILARITY)
+        self._trusted_frames = self._trusted_frames + 1 if similarity > trusted else 0
+        if (self._updates > _ACCEPTED_UPDATES and similarity > _ACCEPTED
+                and peak > _ACCEPTED_RESPONSE * usual):
+            return Verdict(replace(live, usual_similarity=similarity), similarity, over=True)
+        if self._trusted_frames >= _TRUSTED_FRAMES:
+            return Verdict(live, similarity, over=True)
+        place, found = self._best_place(frame, live.center)
+        if found < max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN)):
+            return Verdict(live, similarity)
+        self._jump_frames += 1
+        plausible = similarity >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
+        if plausible and self._jump_frames < _JUMP_FRAMES:
+            return Verdict(live, similarity)
+        return Verdict(replace(self._snapshot, center=place), found, over=True, elsewhere=True)
+
+    def _best_place(self, frame: Frame, live: Point) -> tuple[Point, float]:
+        """Return the best verified place and its similarity; -inf where there is none."""
+        snapshot = self._snapshot
+        best, highest = live, -np.inf
+        for place in self._places(frame):
+            response = snapshot.localise(frame, place)
+            if response.peak < _WORTH_VERIFYING * snapshot.usual_response:
+                continue
+            center = inside(response.center, frame)
+            away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
+            if not away.any():
+                continue
+            window = snapshot.model.layout.window(frame, center, snapshot.size)
+            similarity = self._template.similarity(window)
+            if similarity > highest:
+                best, highest = center, similarity
+        return best, highest
+
+    def _places(self, frame: Frame) -> list[Point]:
+        """Return the places to search in this frame."""
+        center, size = self._snapshot.center, self._snapshot.size
+        places = []
+        for turn in range(self._updates * self._searches, (self._updates + 1) * self._searches):
+            if turn % 4 == 0:
+                place = center
+            elif turn % 2 == 0:
+                frames = min(self._age, _EXTRAPOLATED_FRAMES)
+                place = (center[0] + frames * self._velocity[0],
+                         center[1] + frames * self._velocity[1])
+            elif self._updates > 8 and self._rng.random() < 0.5:
+                place = self._coloured_place(frame)
+            else:
+                spread = np.sqrt(size[0] * size[1]) * (0.5 + 0.15 * self._age)
+                spread = min(spread, 0.5 * max(frame.shape[:2]))
+                x, y = np.array(center) + spread * self._rng.standard_normal(2)
+                place = (x, y)
+            places.append(inside(place, frame))
+        return places
+
+    def _coloured_place(self, frame: Frame) -> Point:
+        """Return a place anywhere in the frame that has the target's colours."""
+        width, height = self._snapshot.size
+        stride = max(1, int(min(width, height) / 6))
+        colours = colour_index(np.ascontiguousarray(frame[::stride, ::stride]))
+        probability = self._snapshot.model.colours.probability(colours)
+        colour = box_mean(probability, (max(1, int(width / stride)), max(1, int(height / stride))))
+        # random weights, or one blob of the same colour would be searched again and again
+        colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
+        row, column = divmod(int(colour.argmax()), colour.shape[1])
+        return float(column * stride), float(row * stride)
+
+
+class VelocityEstimate:
+    """
+    The running mean of a target's velocity, [px/frame], while it's tracked.
+
+    Each step is taken when the next one begins: by then a tracker that turns the frame has put
+    its end right.
+    """
+
+    def __init__(self) -> None:
+        self.velocity: Point = (0.0, 0.0)
+        self._latest: tuple[Point, float] | None = None
+
+    def begin(self, center: Point, dt: float) -> None:
+        """Begin a step of `dt` frames at a place, in pixels, where the one before it ended."""
+        if self._latest is not None:
+            start, duration = self._latest
+            x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / duration
+                    for velocity, now, then in zip(self.velocity, center, start))
+            self.velocity = x, y
+        self._latest = center, dt
+
+    def interrupt(self) -> None:
+        """Take the step that has begun for none: the target isn't tracked any more."""
+        self._latest = None
+
+
+def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:
+    """
+    Tell whether tracking has failed.
+
+    Parameters
+    ----------
+    known : TargetSnapshot
+        Of before the frame.
+    similarity, peak : float
+        Of the place to the initial template, and the highest response about it.
+
+    """
+    least = min(_FAILED_SIMILARITY * known.usual_similarity, ALWAYS_GOOD)
+    return peak < _FAILED_RESPONSE * known.usual_response or similarity < least

@@ -1,0 +1,145 @@
+"""What is known of one target: the models of its look, its place and what's usual for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.colour_model import box_mean, ColourModel
+from vtrack_ros.appearance.correlation_filter import CorrelationFilter
+from vtrack_ros.appearance.scale import ScaleRegression
+from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import SearchWindow, WindowLayout
+
+#: Standard deviation of the wanted response, as a share of the target's size.
+_LABEL_WIDTH = 1 / 16
+#: Weight of the colours in the response; the rest is the correlation filter's.
+_COLOUR_WEIGHT = 0.3
+#: A target that is off the middle by more than this many cells is worth a window of its own.
+_CENTRED = 1.0
+#: Weights of an example in the running averages.
+_RATE = 0.02
+_COLOUR_RATE = 0.08
+_SCALE_RATE = 0.05
+#: The usual response and similarity follow slowly, or they would get used to an occluder.
+_USUAL_RATE = 0.03
+
+
+@dataclass(frozen=True)
+class TargetModel:
+    """
+    A correlation filter, a colour model and a scale regression of one target.
+
+    It's never changed in place: a snapshot of it is the object itself.
+
+    Parameters
+    ----------
+    layout : WindowLayout
+    correlation : CorrelationFilter
+    colours : ColourModel
+    scale : ScaleRegression
+
+    """
+
+    layout: WindowLayout
+    correlation: CorrelationFilter
+    colours: ColourModel
+    scale: ScaleRegression
+
+    @classmethod
+    def create(cls, window: SearchWindow) -> TargetModel:
+        """Learn the target in the middle of a window."""
+        layout, middle = window.layout, (0.0, 0.0)
+        width, height = layout.target
+        correlation = CorrelationFilter.create(
+            layout.rows, layout.columns, _LABEL_WIDTH * float(np.sqrt(width * height)))
+        scale = ScaleRegression.create(layout.SAMPLES * width, layout.SAMPLES * height)
+        return cls(
+            layout, correlation.updated(window.spectrum, 1.0),
+            ColourModel.create().updated(window.colours, window.rectangle(middle), 1.0),
+            scale.updated(window.grey, window.sample_at(middle), 1.0, 1.0))
+
+    def response(self, window: SearchWindow) -> NDArray[np.float32]:
+        """
+        Return the response to the target's centre in each cell of a window.
+
+        Returns
+        -------
+        ndarray of float32, shape (rows, columns)
+            The weighted sum of the correlation response and of the mean foreground probability
+            over the target's box.
+
+        """
+        width, height = self.layout.target
+        detail = self.layout.DETAIL
+        probability = self.colours.probability(window.colours)
+        colour = box_mean(
+            probability, (max(1, round(detail * width)), max(1, round(detail * height))))
+        response = self.correlation.response(window.spectrum)
+        response *= np.float32(1 - _COLOUR_WEIGHT)
+        response += np.float32(_COLOUR_WEIGHT) * colour[::detail, ::detail]
+        return response
+
+    def growth(self, window: SearchWindow, shift: Point) -> float:
+        """Return by which factor the target, `shift` cells off the centre, grew."""
+        return self.scale.growth(window.grey, window.sample_at(shift))
+
+    def updated(self, window: SearchWindow, shift: Point) -> TargetModel:
+        """Return the model whose filter has learned the target, `shift` cells off the centre."""
+        correlation = self.correlation.updated(window.spectrum, _RATE, shift)
+        return TargetModel(self.layout, correlation, self.colours, self.scale)
+
+    def with_colours(self, window: SearchWindow, shift: Point) -> TargetModel:
+        """Return the model that has learned the target's colours too."""
+        colours = self.colours.updated(window.colours, window.rectangle(shift), _COLOUR_RATE)
+        return TargetModel(self.layout, self.correlation, colours, self.scale)
+
+    def with_scale(self, window: SearchWindow, shift: Point, growth: float) -> TargetModel:
+        """Return the model that has learned the scale of a target grown by a factor."""
+        scale = self.scale.updated(window.grey, window.sample_at(shift), growth, _SCALE_RATE)
+        return TargetModel(self.layout, self.correlation, self.colours, scale)
+
+
+@dataclass(frozen=True)
+class TargetSnapshot:
+    """
+    What is known of the target at one time; the live one is replaced in every frame.
+
+    Parameters
+    ----------
+    model : TargetModel
+    center, size : tuple of float, [px]
+        Where it is.
+    usual_response, usual_similarity : float
+        The running means of the highest response and of the similarity to the initial template.
+
+    """
+
+    model: TargetModel
+    center: Point
+    size: Point
+    usual_response: float
+    usual_similarity: float
+
+    def localise(self, frame: Frame, center: Point) -> ResponseMap:
+        """Return the response in the window about a place, in pixels."""
+        window = self.model.layout.window(frame, center, self.size)
+        return ResponseMap(window, self.model.response(window))
+
+    def with_response(self, response: float) -> TargetSnapshot:
+        """Return the snapshot whose usual response has followed one more frame's."""
+        usual = self.usual_response
+        return replace(self, usual_response=usual + _USUAL_RATE * (response - usual))
+
+    def with_similarity(self, similarity: float) -> TargetSnapshot:
+        """Return the snapshot whose usual similarity has followed one more frame's."""
+        usual = self.usual_similarity
+        return replace(self, usual_similarity=usual + _USUAL_RATE * (similarity - usual))
+
+
+def is_centred(shift: Point) -> bool:
+    """Tell whether a target so many cells off a window's centre is seen as well as in it."""
+    return max(abs(shift[0]), abs(shift[1])) <= _CENTRED
