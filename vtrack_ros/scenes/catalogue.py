@@ -20,21 +20,10 @@ SMALLEST = (64, 48)
 @dataclass(frozen=True)
 class SceneInfo:
     """
-    A scene of the catalogue.
+    A scene: its name, what happens, its own size in pixels, and how many frames its story has.
 
-    Parameters
-    ----------
-    name : str
-    summary : str
-        One sentence: what happens, and when.
-    width, height : int, [px]
-        The size it has unless another is asked for.
-    frames : int
-        How long its story is.
-    make : callable
-        (view, generator) -> Scene. What takes as many random numbers as there are pixels gets a
-        generator of its own, so that motions are the same at every size.
-
+    `make` gives what takes as many random numbers as there are pixels a generator of its own, so
+    that motions are the same at every size.
     """
 
     name: str

@@ -20,24 +20,10 @@ _PHASES = 32
 @dataclass(frozen=True)
 class Outfit:
     """
-    What a person wears, and their colouring; blue, green, red.
+    What a person wears, and their colouring.
 
-    Parameters
-    ----------
-    shirt : tuple of float
-    stripe : tuple of float, optional
-        A second colour of the shirt.
-    trousers : tuple of float
-    shorts : bool
-        Whether the trousers end above the knee.
-    socks : tuple of float
-        Shown with shorts.
-    sleeves : bool
-        Whether they reach the wrist.
-    shoes, skin, hair : tuple of float
-    upright : bool
-        Whether the stripes are upright.
-
+    Shorts end above the knee and show the socks, sleeves reach the wrist; the stripes of the
+    shirt, if it has any, may be upright.
     """
 
     shirt: Colour = (60, 60, 170)
@@ -53,17 +39,7 @@ class Outfit:
 
 
 class Person:
-    """
-    A person 100 units tall, whose origin is on the ground between the feet.
-
-    Parameters
-    ----------
-    unit : float, [px]
-        How many pixels a length of 1 has in the sprites.
-    rng : numpy.random.Generator
-    outfit : Outfit
-
-    """
+    """A person 100 units tall, the origin on the ground between the feet; `unit` in pixels."""
 
     def __init__(self, unit: float, rng: np.random.Generator, outfit: Outfit) -> None:
         self._unit = unit
@@ -85,15 +61,8 @@ class Person:
         """
         Return the person.
 
-        Parameters
-        ----------
-        phase : float, [steps]
-            Where in a double step; whole numbers are alike.
-        yaw : float, [rad]
-            0 faces the viewer, pi / 2 right.
-        stride : float
-            0 stands, 1 walks, 1.6 runs.
-
+        The phase counts steps of a double step; a yaw of 0 faces the viewer, one of pi / 2 right; a
+        stride of 0 stands, one of 1 walks, one of 1.6 runs.
         """
         return self._render(round(phase * _PHASES) % _PHASES, round(yaw, 2), round(stride, 1))
 

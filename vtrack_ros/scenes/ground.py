@@ -20,15 +20,8 @@ class Ground:
     """
     A level ground in perspective.
 
-    Parameters
-    ----------
-    horizon : float
-        The y where it ends, in world units.
-    scale : float
-        How high a person 100 units tall appears per unit below the horizon, in hundreds.
-    middle : float
-        The x of the vanishing point.
-
+    It ends at the y of the horizon, in world units; `scale` is how high a person 100 units tall
+    appears per unit below the horizon, in hundreds; `middle` is the x of the vanishing point.
     """
 
     horizon: float
@@ -65,12 +58,12 @@ def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
             rng: np.random.Generator) -> NDArray[np.float32]:
     """Return the gain of irregular ground, such as grass or asphalt, in perspective."""
     across, away = ground.plane(canvas)
-    noise = fractal_noise(512, 512, 64, rng, 0.75)
+    noise = fractal_noise((512, 512), 64, rng, 0.75)
     u, v = np.abs(across / cell * 64 + 300), np.abs(away / cell * 64)
     # There and back again, so that no seam shows.
     columns, rows = (np.abs(w.astype(int) % 1022 - 511) for w in (u, v))
     far = noise[rows, columns]
-    flat = fractal_noise(canvas.height, canvas.width, 3 * canvas.unit, rng, 0.8)
+    flat = fractal_noise(canvas.shape, 3 * canvas.unit, rng, 0.8)
     return np.asarray(1 + contrast * (0.7 * far + 0.6 * flat), np.float32)
 
 
@@ -80,23 +73,8 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
     """
     Return a person's shadow and the person, walking where x(t) and y(t) put the feet.
 
-    Parameters
-    ----------
-    person : Person
-        Who walks.
-    ground : Ground
-        Where.
-    x, y : callable
-        Time in frames -> world units.
-    duration : float, [frames]
-        How long they walk.
-    stride : float
-        As in `Person.sprite`.
-    phase : float, [steps]
-        Where in a double step they are at time 0.
-    stature : float
-        1 for somebody of average height.
-
+    Times are in frames. `stride` is as in `Person.sprite`, `phase` where in a double step they are
+    at time 0, and somebody of average height has a stature of 1.
     """
     times = np.arange(-4.0, duration + 4.5, 0.5)
     xs, ys = np.array([x(t) for t in times]), np.array([y(t) for t in times])

@@ -15,18 +15,7 @@ from vtrack_ros.scenes.texture import Colour
 
 
 class Head:
-    """
-    A head, about 2 units high and 1.6 wide, with its origin in the middle.
-
-    Parameters
-    ----------
-    unit : float, [px]
-        How many pixels a length of 1 has in the sprites.
-    rng : numpy.random.Generator
-    skin, hair, shirt, stripe : tuple of float
-        Colours.
-
-    """
+    """A head, about 2 units high and 1.6 wide, its origin in the middle; `unit` in pixels."""
 
     def __init__(self, unit: float, rng: np.random.Generator, skin: Colour = (128, 160, 208),
                  hair: Colour = (34, 42, 58), shirt: Colour = (120, 70, 50),

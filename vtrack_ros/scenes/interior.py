@@ -14,37 +14,22 @@ def office(view: View, rng: np.random.Generator, margin: float = 12.0,
     """
     Return the wall of an office: shelf, door, window, posters, some of them skin-coloured.
 
-    Parameters
-    ----------
-    view : View
-        What will be seen of it.
-    rng : numpy.random.Generator
-        Varies books, textures and colours.
-    margin : float
-        How far it reaches beyond the view, for a camera that moves.
-    size : float
-        How large things are: 1 for a view that is 100 high.
-
+    It reaches beyond the view by a margin, for a camera that moves; a size of 1 is right for a
+    view that is 100 high.
     """
     canvas = view.canvas(margin)
     unit = canvas.unit * size
-    plaster = fractal_noise(canvas.height, canvas.width, 30 * unit, rng)
+    plaster = fractal_noise(canvas.shape, 30 * unit, rng)
     canvas.fill(tinted(plaster, (150, 168, 172), 0.055, 0.01))
-    canvas.gain(np.asarray(1.12 - 0.0025 / size * (canvas.columns() - view.left)
-                           + 0 * canvas.rows(), np.float32))
-    middle, bottom = view.base_width / 2, view.bottom
-
-    def furnish(x: float) -> None:
-        for offset, piece in ((-62, door), (-26, shelf), (20, posters), (48, window),
-                              (86, cartons)):
-            piece(canvas, x + offset * size, bottom, size, rng)
-
-    width = 190 * size
+    canvas.gain(1.12 - 0.0025 / size * (canvas.columns() - view.left))
+    middle, width = view.base_width / 2, 190 * size
     first = int(np.floor((canvas.left - middle) / width - 0.5))
     last = int(np.ceil((canvas.right - middle) / width + 0.5))
     for index in sorted(range(first, last + 1), key=abs):
-        furnish(middle + index * width)
-    desk(canvas, bottom, size, rng)
+        for offset, piece in ((-62, door), (-26, shelf), (20, posters), (48, window),
+                              (86, cartons)):
+            piece(canvas, middle + index * width + offset * size, view.bottom, size, rng)
+    desk(canvas, view.bottom, size, rng)
     return canvas
 
 
@@ -52,7 +37,7 @@ def door(canvas: Canvas, x: float, bottom: float, size: float,
          rng: np.random.Generator) -> None:
     """Paint a wooden door."""
     top = bottom - 92 * size
-    grain = wood_grain(canvas.height, canvas.width, canvas.unit * size, rng)
+    grain = wood_grain(canvas.shape, canvas.unit * size, rng)
     wood = tinted(grain, (92, 128, 172), 0.08)
     canvas.rectangle(x - 2 * size, top - 2 * size, x + 32 * size, bottom, (90, 98, 104))
     canvas.rectangle(x, top, x + 30 * size, bottom, wood)
@@ -102,7 +87,7 @@ def posters(canvas: Canvas, x: float, bottom: float, size: float,
     canvas.ellipse(x + 10 * size, top + 7.5 * size, 10.5 * size, 8 * size, (40, 48, 66))
     canvas.ellipse(x + 10 * size, top + 24.5 * size, 18 * size, 9 * size, (70, 60, 120))
     lower = top + 32 * size
-    print_ = tinted(fractal_noise(canvas.height, canvas.width, 9 * canvas.unit * size, rng, 0.5),
+    print_ = tinted(fractal_noise(canvas.shape, 9 * canvas.unit * size, rng, 0.5),
                     (110, 145, 190), 0.32, 0.2)
     canvas.rectangle(x + 2 * size, lower, x + 22 * size, lower + 15 * size, (190, 200, 205))
     canvas.rectangle(x + 3 * size, lower + size, x + 21 * size, lower + 14 * size, print_)
@@ -112,7 +97,7 @@ def window(canvas: Canvas, x: float, bottom: float, size: float,
            rng: np.random.Generator) -> None:
     """Paint a window with blinds, bright."""
     top = bottom - 88 * size
-    sky = tinted(fractal_noise(canvas.height, canvas.width, 18 * canvas.unit * size, rng),
+    sky = tinted(fractal_noise(canvas.shape, 18 * canvas.unit * size, rng),
                  (235, 222, 208), 0.06)
     canvas.rectangle(x, top, x + 34 * size, top + 44 * size, (175, 182, 186))
     canvas.rectangle(x + 2 * size, top + 2 * size, x + 32 * size, top + 42 * size, sky)
@@ -126,7 +111,7 @@ def window(canvas: Canvas, x: float, bottom: float, size: float,
 def cartons(canvas: Canvas, x: float, bottom: float, size: float,
             rng: np.random.Generator) -> None:
     """Paint a pile of cardboard boxes."""
-    board = tinted(fractal_noise(canvas.height, canvas.width, 12 * canvas.unit * size, rng),
+    board = tinted(fractal_noise(canvas.shape, 12 * canvas.unit * size, rng),
                    (108, 146, 180), 0.07)
     for left, top, width, height in ((0, 20, 26, 20), (3, 42, 22, 22), (6, 58, 17, 16)):
         a, b = x + left * size, bottom - top * size
@@ -140,6 +125,6 @@ def cartons(canvas: Canvas, x: float, bottom: float, size: float,
 def desk(canvas: Canvas, bottom: float, size: float, rng: np.random.Generator) -> None:
     """Paint the edge of a desk along the bottom."""
     top = bottom - 9 * size
-    wood = masonry(canvas.height, canvas.width, canvas.unit * size, rng, (70, 92, 122), (60, 3))
+    wood = masonry(canvas.shape, canvas.unit * size, rng, (70, 92, 122), (60, 3))
     canvas.rectangle(canvas.left, top, canvas.right, canvas.bottom, wood)
     canvas.rectangle(canvas.left, top, canvas.right, top + 1.2 * size, (150, 160, 170), 0.6)

@@ -7,15 +7,16 @@ import numpy as np
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.ground import Ground, speckle
 from vtrack_ros.scenes.stage import View
-from vtrack_ros.scenes.texture import Colour, foliage, fractal_noise, masonry, Picture, tinted
+from vtrack_ros.scenes.texture import (
+    Colour, foliage, fractal_noise, lit, masonry, Picture, tinted)
 
 _WALLS: tuple[Colour, ...] = (
     (110, 130, 160), (150, 165, 175), (120, 140, 150), (95, 110, 140), (160, 160, 158))
 
 
 def sky(canvas: Canvas, rng: np.random.Generator) -> Picture:
-    """Return clouds, of the canvas's size in pixels."""
-    high = tinted(fractal_noise(canvas.height, canvas.width, 90 * canvas.unit, rng, 0.55),
+    """Return clouds, of the canvas's shape."""
+    high = tinted(fractal_noise(canvas.shape, 90 * canvas.unit, rng, 0.55),
                   (216, 200, 182), 0.09, -0.02)
     haze = np.clip((canvas.rows() - canvas.top) / (canvas.bottom - canvas.top), 0, 1)
     return np.asarray(np.clip(high + 22 * haze[..., None], 0, 255), np.float32)
@@ -46,12 +47,9 @@ def road(view: View, ground: Ground, rng: np.random.Generator, margin: float = 1
     canvas = view.canvas(margin)
     unit, far = canvas.unit, ground.middle
     canvas.fill(sky(canvas, rng))
-    leaves = foliage(canvas.height, canvas.width, unit, rng, (44, 86, 66), 3.0)
-    brick = masonry(canvas.height, canvas.width, unit, rng, (118, 132, 158), (8, 3.5))
-    ridge = fractal_noise(1, canvas.width, 40 * unit, rng)[0]
-    edge = [(float(x), float(ground.horizon - 17 + 4 * r))
-            for x, r in zip(canvas.columns()[0][::4], ridge[::4])]
-    canvas.polygon([*edge, (canvas.right, 140), (canvas.left, 140)], leaves)
+    leaves = foliage(canvas.shape, unit, rng, (44, 86, 66), 3.0)
+    brick = masonry(canvas.shape, unit, rng, (118, 132, 158), (8, 3.5))
+    canvas.polygon([*canvas.ragged(ground.horizon - 17, 4, 40, rng), (canvas.right, 140), (canvas.left, 140)], leaves)
     x, reach = far - 30, 15.0
     while x > canvas.left - 60:
         colour = _WALLS[int(rng.integers(len(_WALLS)))]
@@ -70,61 +68,42 @@ def road(view: View, ground: Ground, rng: np.random.Generator, margin: float = 1
                          ground.horizon + 0.7 * reach, (40, 52, 62))
         x += 1.5 * reach
         reach *= 1.3
-    gain = speckle(canvas, ground, 40, 0.09, rng)[..., None]
-    grass = np.asarray(np.clip(np.array((62, 112, 100)) * gain, 0, 255), np.float32)
-    paving = np.asarray(np.clip(np.array((136, 144, 150)) * gain, 0, 255), np.float32)
-    asphalt = np.asarray(np.clip(np.array((98, 98, 100)) * gain, 0, 255), np.float32)
-    bottom = canvas.bottom
-    depth = bottom - ground.horizon
+    gain = speckle(canvas, ground, 40, 0.09, rng)
+    bottom, depth = canvas.bottom, canvas.bottom - ground.horizon
 
     def strip(from_: float, to: float, paint: Picture | Colour, opacity: float = 1.0,
-              start: float = 0.03) -> None:
+              start: float = 0.03, end: float = 1.0) -> None:
         """Paint a strip along the road, between two slopes against the direction of view."""
-        canvas.polygon([(far + from_ * start * depth, ground.horizon + start * depth),
-                        (far + to * start * depth, ground.horizon + start * depth),
-                        (far + to * depth, bottom), (far + from_ * depth, bottom)], paint, opacity)
+        canvas.polygon([(far + slope * at * depth, ground.horizon + at * depth)
+                        for slope, at in ((from_, start), (to, start), (to, end), (from_, end))],
+                       paint, opacity)
 
-    canvas.rectangle(canvas.left, ground.horizon + 2, canvas.right, bottom, grass)
-    strip(-1.6, 1.75, paving)
-    strip(-1.15, 1.4, asphalt)
+    canvas.rectangle(canvas.left, ground.horizon + 2, canvas.right, bottom,
+                     lit((62, 112, 100), gain))
+    strip(-1.6, 1.75, lit((136, 144, 150), gain))
+    strip(-1.15, 1.4, lit((98, 98, 100), gain))
     strip(-1.16, -1.11, (170, 174, 176), 0.8)
     strip(1.37, 1.42, (170, 174, 176), 0.8)
     for index in range(14):
         near = 0.05 * 1.28 ** index
         if near < 1:
-            end = min(1.0, near * 1.14)
-            canvas.polygon([(far + s * d * depth, ground.horizon + d * depth) for s, d in (
-                (0.12, near), (0.17, near), (0.17, end), (0.12, end))], (205, 210, 212), 0.85)
+            strip(0.12, 0.17, (205, 210, 212), 0.85, near, min(1.0, near * 1.14))
     return canvas
 
 
 def valley(view: View, rng: np.random.Generator, reach: float) -> Canvas:
-    """
-    Return hills, woods and a town under the sky, `reach` wider than the view to the right.
-
-    Parameters
-    ----------
-    view : View
-        What will be seen of it.
-    rng : numpy.random.Generator
-        Varies hills, houses and trees.
-    reach : float
-        In world units.
-
-    """
+    """Return hills, woods and a town under the sky, `reach` wider than the view to the right."""
     canvas = Canvas(view.left - 50, view.top - 50, view.right + reach + 50, view.bottom + 50,
                     view.unit)
     unit = canvas.unit
     canvas.fill(sky(canvas, rng))
-    xs = canvas.columns()[0]
-    woods = foliage(canvas.height, canvas.width, unit, rng, (46, 84, 62), 3.6)
-    brick = masonry(canvas.height, canvas.width, unit, rng, (118, 132, 158), (8, 3.5))
-    slope = fractal_noise(canvas.height, canvas.width, 14 * unit, rng, 0.75)
+    woods = foliage(canvas.shape, unit, rng, (46, 84, 62), 3.6)
+    brick = masonry(canvas.shape, unit, rng, (118, 132, 158), (8, 3.5))
+    slope = fractal_noise(canvas.shape, 14 * unit, rng, 0.75)
     for level, rough, hill in ((96, 9, tinted(slope, (176, 156, 132), 0.12)),
                                (112, 11, tinted(slope, (140, 132, 104), 0.12)), (138, 9, woods)):
-        ridge = level + rough * fractal_noise(1, canvas.width, 110 * unit, rng)[0]
-        edge = [(float(x), float(y)) for x, y in zip(xs[::4], ridge[::4])]
-        canvas.polygon([*edge, (canvas.right, canvas.bottom), (canvas.left, canvas.bottom)], hill)
+        canvas.polygon([*canvas.ragged(level, rough, 110, rng), (canvas.right, canvas.bottom),
+                        (canvas.left, canvas.bottom)], hill)
     for base, storey, gap in ((192, 8, 34), (226, 11, 26)):
         x = canvas.left
         while x < canvas.right:

@@ -7,44 +7,33 @@ import numpy as np
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.ground import Ground, speckle, tiles
 from vtrack_ros.scenes.stage import View
-from vtrack_ros.scenes.texture import Colour, foliage, fractal_noise, masonry, tinted
-
-
-def _cover(canvas: Canvas, ground: Ground, colour: Colour, gain: np.ndarray[
-        tuple[int, ...], np.dtype[np.float32]]) -> None:
-    """Paint the ground below the horizon."""
-    picture = np.clip(np.array(colour, np.float32) * gain[..., None], 0, 255)
-    canvas.rectangle(canvas.left, ground.horizon, canvas.right, canvas.bottom, picture)
+from vtrack_ros.scenes.texture import Colour, foliage, fractal_noise, lit, masonry, tinted
 
 
 def park(view: View, ground: Ground, rng: np.random.Generator, margin: float = 12.0) -> Canvas:
     """Return a meadow before a hedge, trees and a wall, with a path across."""
     canvas = view.canvas(margin)
     unit, span = canvas.unit, view.base_height / 240
-    leaves = foliage(canvas.height, canvas.width, unit * span, rng, (40, 88, 66), 3.2)
+    leaves = foliage(canvas.shape, unit * span, rng, (40, 88, 66), 3.2)
     canvas.fill(leaves)
-    sky = tinted(fractal_noise(canvas.height, canvas.width, 60 * unit, rng), (222, 208, 192), 0.05)
-    ridge = fractal_noise(1, canvas.width, 50 * unit, rng)[0] * 7 * span
-    xs = canvas.columns()[0]
-    edge = [(float(x), float(canvas.top + 0.14 * (ground.horizon - canvas.top) + r))
-            for x, r in zip(xs[::4], ridge[::4])]
-    canvas.polygon([(canvas.left, canvas.top - 9), *edge, (canvas.right, canvas.top - 9)], sky)
+    sky = tinted(fractal_noise(canvas.shape, 60 * unit, rng), (222, 208, 192), 0.05)
+    trees = canvas.ragged(canvas.top + 0.14 * (ground.horizon - canvas.top), 7 * span, 50, rng)
+    canvas.polygon([(canvas.left, canvas.top - 9), *trees, (canvas.right, canvas.top - 9)], sky)
     for x in np.arange(canvas.left + rng.uniform(0, 30), canvas.right, 47 * span):
         width = rng.uniform(3, 6) * span
         top = ground.horizon - rng.uniform(55, 90) * span
         canvas.polygon([(x - 0.7 * width, ground.horizon), (x - 0.4 * width, top),
                         (x + 0.4 * width, top), (x + 0.7 * width, ground.horizon)],
                        (38, 52, 66), 0.85)
-    wall = masonry(canvas.height, canvas.width, unit * span, rng, (92, 112, 150), (9, 4))
+    wall = masonry(canvas.shape, unit * span, rng, (92, 112, 150), (9, 4))
     middle = view.base_width / 2
     canvas.rectangle(middle - 12 * span, ground.horizon - 34 * span, middle + 150 * span,
                      ground.horizon, wall)
     canvas.rectangle(middle - 13 * span, ground.horizon - 37 * span, middle + 151 * span,
                      ground.horizon - 33 * span, (120, 132, 140))
-    _cover(canvas, ground, (52, 112, 92), speckle(canvas, ground, 90, 0.16, rng))
-    across, away = ground.plane(canvas)
-    path = np.clip(np.array((132, 152, 166), np.float32)
-                   * speckle(canvas, ground, 60, 0.07, rng)[..., None], 0, 255)
+    canvas.rectangle(canvas.left, ground.horizon, canvas.right, canvas.bottom,
+                     lit((52, 112, 92), speckle(canvas, ground, 90, 0.16, rng)))
+    path = lit((132, 152, 166), speckle(canvas, ground, 60, 0.07, rng))
     depth = 0.5 * (ground.horizon + view.base_height)
     canvas.polygon([(canvas.left, depth - 14 * span), (canvas.right, depth + 2 * span),
                     (canvas.right, depth + 30 * span), (canvas.left, depth + 10 * span)],
@@ -56,7 +45,7 @@ def pitch(view: View, ground: Ground, rng: np.random.Generator, margin: float = 
     """Return a football pitch with boards and a crowd behind it."""
     canvas = view.canvas(margin)
     unit = canvas.unit
-    crowd = fractal_noise(canvas.height, canvas.width, 2.2 * unit, rng, 0.8)
+    crowd = fractal_noise(canvas.shape, 2.2 * unit, rng, 0.8)
     canvas.fill(tinted(crowd, (88, 80, 92), 0.35, 0.3))
     top = ground.horizon + 8
     lengths = rng.uniform(30, 62, 60)
@@ -75,19 +64,16 @@ def pitch(view: View, ground: Ground, rng: np.random.Generator, margin: float = 
         x += length
         if x > canvas.right:
             break
-    across, away = ground.plane(canvas)
-    mown = np.sign(np.sin(across / 150 + 0.4)).astype(np.float32)
+    mown = np.sign(np.sin(ground.plane(canvas)[0] / 150 + 0.4)).astype(np.float32)
     gain = speckle(canvas, ground, 120, 0.1, rng) * (1 + 0.07 * mown)
-    grass = np.clip(np.array((58, 138, 96), np.float32) * gain[..., None], 0, 255)
-    canvas.rectangle(canvas.left, top, canvas.right, canvas.bottom, grass)
+    canvas.rectangle(canvas.left, top, canvas.right, canvas.bottom, lit((58, 138, 96), gain))
     white: Colour = (205, 220, 215)
     middle, bottom = ground.middle, canvas.bottom
     canvas.line([(canvas.left, top + 12), (canvas.right, top + 12)], 1.6, white, 0.85)
     canvas.line([(middle - 20, top + 12), (middle - 130, bottom)], 2.0, white, 0.85)
     turn = np.linspace(0, 2 * np.pi, 80)
-    circle = [(float(middle - 62 + 105 * np.cos(a)), float(top + 88 + 42 * np.sin(a)))
-              for a in turn]
-    canvas.line(circle, 1.9, white, 0.8)
+    canvas.line(np.column_stack([middle - 62 + 105 * np.cos(turn), top + 88 + 42 * np.sin(turn)]),
+                1.9, white, 0.8)
     return canvas
 
 
@@ -95,7 +81,7 @@ def arcade(view: View, ground: Ground, rng: np.random.Generator, margin: float =
     """Return a shopping arcade: shop windows, pillars, advertisements, a tiled floor."""
     canvas = view.canvas(margin)
     unit, span = canvas.unit, view.base_height / 288
-    wall = fractal_noise(canvas.height, canvas.width, 40 * unit * span, rng)
+    wall = fractal_noise(canvas.shape, 40 * unit * span, rng)
     canvas.fill(tinted(wall, (128, 142, 150), 0.05, 0.01))
     floor = ground.horizon + 46 * span
     goods: list[Colour] = [(60, 70, 160), (150, 120, 70), (70, 130, 90), (170, 180, 190),
@@ -104,7 +90,7 @@ def arcade(view: View, ground: Ground, rng: np.random.Generator, margin: float =
     while x < canvas.right:
         width = float(rng.uniform(70, 105)) * span
         left, right, top = x + 6 * span, x + width - 6 * span, floor - 98 * span
-        glow = tinted(fractal_noise(canvas.height, canvas.width, 16 * unit * span, rng),
+        glow = tinted(fractal_noise(canvas.shape, 16 * unit * span, rng),
                       (150, 178, 190), 0.07, 0.012)
         canvas.rectangle(left - 2 * span, top - 2 * span, right + 2 * span, floor, (58, 66, 74))
         canvas.rectangle(left, top, right, floor - 3 * span, glow)
@@ -128,8 +114,7 @@ def arcade(view: View, ground: Ground, rng: np.random.Generator, margin: float =
     gain = tiles(canvas, ground, 45, 0.05, rng) * speckle(canvas, ground, 200, 0.035, rng)
     shine = 1 + 0.1 * np.sin(canvas.columns() / (23 * span)) * np.exp(
         -(canvas.rows() - floor) / (40 * span))
-    paving = np.clip(np.array((150, 160, 166), np.float32) * (gain * shine)[..., None], 0, 255)
     canvas.rectangle(canvas.left, floor, canvas.right, canvas.bottom,
-                     np.asarray(paving, np.float32))
+                     lit((150, 160, 166), gain * shine))
     canvas.rectangle(canvas.left, floor - 2 * span, canvas.right, floor + span, (70, 78, 84))
     return canvas

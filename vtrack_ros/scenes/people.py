@@ -21,18 +21,11 @@ def handheld(rng: np.random.Generator, amount: float) -> Camera:
     return Camera(lambda time: Placement(x(time), y(time), 1.0, turn(time)))
 
 
-def block(width: float, height: float, unit: float, picture: Canvas) -> Sprite:
-    """Return an upright rectangle that stands on its origin, cut out of a canvas."""
-    pixels = np.ones((picture.height, picture.width, 4), np.float32)
-    pixels[..., :3] = picture.picture
-    return Sprite(pixels, unit, -width / 2, -height)
-
-
 def kiosk(view: View, width: float, height: float, rng: np.random.Generator) -> Sprite:
     """Return a brick kiosk with a poster and a shutter, to walk behind."""
     canvas = Canvas(0, 0, width, height, view.unit)
-    canvas.fill(masonry(canvas.height, canvas.width, view.unit, rng, (88, 104, 136), (9, 4)))
-    canvas.gain(np.asarray(1.1 - 0.3 * canvas.columns() / width + 0 * canvas.rows(), np.float32))
+    canvas.fill(masonry(canvas.shape, view.unit, rng, (88, 104, 136), (9, 4)))
+    canvas.gain(1.1 - 0.3 * canvas.columns() / width)
     canvas.rectangle(0, 0, width, 5, (70, 74, 80))
     canvas.rectangle(0.1 * width, 0.2 * height, 0.48 * width, 0.72 * height, (60, 64, 70))
     canvas.rectangle(0.13 * width, 0.22 * height, 0.45 * width, 0.7 * height, (70, 60, 150))
@@ -40,7 +33,7 @@ def kiosk(view: View, width: float, height: float, rng: np.random.Generator) -> 
     for row in np.arange(0.25, 0.85, 0.05):
         canvas.rectangle(0.56 * width, row * height, 0.92 * width, (row + 0.034) * height,
                          (128, 134, 138))
-    return block(width, height, view.unit, canvas)
+    return canvas.upright()
 
 
 def full_occlusion(view: View, rng: np.random.Generator) -> Scene:

@@ -24,13 +24,7 @@ class Ellipsoid:
     """
     An ellipsoid: x points right, y down, z towards the viewer.
 
-    Parameters
-    ----------
-    centre : ndarray, shape (3,)
-    axes : ndarray, shape (3, 3)
-        Maps the unit sphere onto the ellipsoid about its centre.
-    paint : callable
-        The colour of the points of the unit sphere.
+    `axes`, shape (3, 3), maps the unit sphere onto it about its centre, shape (3,).
 
     """
 
@@ -77,15 +71,7 @@ def render(solids: Sequence[Ellipsoid], unit: float, ambient: float = 0.5) -> Sp
     """
     Return the picture of some solids, seen from the front without perspective.
 
-    Parameters
-    ----------
-    solids : sequence of Ellipsoid
-        In any order.
-    unit : float, [px]
-        How many pixels a length of 1 has in the sprite.
-    ambient : float
-        How bright the side in shadow is, from 0 to 1.
-
+    A length of 1 has `unit` pixels; the side in shadow is as bright as `ambient`, from 0 to 1.
     """
     extents = [np.linalg.norm(solid.axes[:2], axis=1) for solid in solids]
     lows = np.array([solid.centre[:2] - extent for solid, extent in zip(solids, extents)])
@@ -141,19 +127,13 @@ class Surface:
     """
     Noise on the unit sphere.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-    cell : float, [rad]
-        The size of its largest structures.
-    stretch : float
-        How much longer they are along the meridians.
-
+    Its largest structures have the size of a cell, in radians, and are longer along the meridians
+    by the factor `stretch`.
     """
 
     def __init__(self, rng: np.random.Generator, cell: float = 0.7, stretch: float = 1.0) -> None:
         pixels = 256 / math.pi
-        noise = fractal_noise(256, 512, cell * pixels, rng, 0.7)
+        noise = fractal_noise((256, 512), cell * pixels, rng, 0.7)
         if stretch > 1:
             noise = np.asarray(cv2.resize(noise[:int(256 / stretch)], (512, 256)), np.float32)
         self._noise = noise

@@ -17,18 +17,9 @@ Affine = NDArray[np.float64]
 @dataclass(frozen=True)
 class Placement:
     """
-    Where and how a sprite stands in the world.
+    Where and how a sprite stands in the world: its origin, in world units, and its size.
 
-    Parameters
-    ----------
-    x, y : float
-        Where the sprite's origin is, in world units.
-    scale : float
-    angle : float, [rad]
-        Clockwise, as y points down.
-    aspect : float
-        By how much the width is stretched.
-
+    The angle is in radians, clockwise, as y points down; `aspect` stretches the width.
     """
 
     x: float
@@ -55,15 +46,8 @@ class Sprite:
     """
     A picture with an outline.
 
-    Parameters
-    ----------
-    pixels : ndarray of float32, shape (H, W, 4)
-        Blue, green and red times alpha, 0 to 255; alpha, 0 to 1.
-    unit : float, [px]
-        How many pixels a length of 1 has.
-    left, top : float
-        The sprite's coordinates of the picture's top-left corner.
-
+    The pixels, float32, shape (H, W, 4), are blue, green and red times alpha, 0 to 255, and alpha,
+    0 to 1. A length of 1 has `unit` of them; `left` and `top` are the picture's top-left corner.
     """
 
     pixels: NDArray[np.float32]
@@ -100,19 +84,9 @@ class Sprite:
 
     def warped(self, matrix: Affine, bounds: tuple[int, int, int, int]) -> NDArray[np.float32]:
         """
-        Return the picture mapped into a window of the image.
+        Return the picture, mapped by `matrix` to the image, in a window (left, top, right, bottom).
 
-        Parameters
-        ----------
-        matrix : ndarray, shape (2, 3)
-            From the sprite's coordinates to the image's, in pixels.
-        bounds : tuple of int, [px]
-            The window's left, top, right and bottom.
-
-        Returns
-        -------
-        pixels : ndarray of float32, shape (bottom - top, right - left, 4)
-
+        Its shape is (bottom - top, right - left, 4).
         """
         shrink = math.sqrt(abs(np.linalg.det(matrix[:, :2]))) / self.unit
         level = 0

@@ -21,16 +21,10 @@ VISIBLE = 0.1
 @dataclass(frozen=True)
 class View:
     """
-    What of the world a film shows while its camera rests.
+    What of the world a film of width x height pixels shows while its camera rests.
 
-    Parameters
-    ----------
-    width, height : int, [px]
-        The frames' size.
-    base_width, base_height : float
-        The part of the world that's always in sight, from (0, 0), in world units; at another
-        aspect ratio more is seen on two sides.
-
+    The part of the world from (0, 0) to (base_width, base_height) is always in sight; at another
+    aspect ratio more is seen on two sides.
     """
 
     width: int
@@ -74,15 +68,7 @@ class Actor:
     """
     Something in front of the backdrop: the target, an occluder, a passer-by.
 
-    Parameters
-    ----------
-    placement : callable
-        Time in frames -> Placement.
-    sprite : callable
-        Time in frames -> Sprite: how it looks then.
-    brightness : callable
-        Time in frames -> factor.
-
+    Where it stands, how it looks and how bright it is depend on the time, in frames.
     """
 
     placement: Callable[[float], Placement]
@@ -95,18 +81,10 @@ class Camera:
     """
     What films the scene.
 
-    Parameters
-    ----------
-    motion : callable
-        Time in frames -> Placement of the view in the world: (x, y) looked at instead of the
-        middle of the base, as an offset; scale above 1 sees more.
-    exposure : float, [frames]
-        How long the shutter is open.
-    noise : float
-        Standard deviation at full brightness, of 255; in the dark it's about a third.
-    softness : float
-        Standard deviation of the lens's blur, in pixels at one pixel per world unit.
-
+    `motion` moves the view in the world: (x, y) is looked at instead of the middle of the base, as
+    an offset; a scale above 1 sees more. The shutter is open for `exposure`, in frames. The noise is
+    the standard deviation at full brightness, of 255; in the dark it's about a third. The lens's
+    blur, `softness`, is in pixels at one pixel per world unit.
     """
 
     motion: Callable[[float], Placement] = field(default=lambda time: Placement(0, 0))
@@ -117,17 +95,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Light:
-    """
-    How bright it is.
-
-    Parameters
-    ----------
-    colour : callable
-        Time in frames -> factors of blue, green and red.
-    field : callable, optional
-        (time, x, y) -> factor at every place of the world, of the shape of x and y.
-
-    """
+    """How bright it is at a time: factors of blue, green and red, and one at each place (x, y)."""
 
     colour: Callable[[float], tuple[float, float, float]] = field(
         default=lambda time: (1.0, 1.0, 1.0))
@@ -137,21 +105,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Scene:
-    """
-    All that's filmed.
-
-    Parameters
-    ----------
-    view : View
-    backdrop : Canvas
-    actors : tuple of Actor
-        From back to front.
-    target : int
-        Which of them is the target.
-    camera : Camera
-    light : Light
-
-    """
+    """All that's filmed: actors from back to front, one of which is the target."""
 
     view: View
     backdrop: Canvas
@@ -164,19 +118,12 @@ class Scene:
 @dataclass(frozen=True)
 class SceneFrame:
     """
-    A rendered frame and the truth about it.
+    A rendered frame, uint8, shape (H, W, 3), and the truth about it.
 
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3)
-    truth : Box or None
-        The bounds of the target's whole outline (alpha of one half) in the middle of the
-        exposure, also of what is hidden or beyond the image; None while less than a tenth of the
-        target is in sight.
-    index : int
-    visibility : float
-        The part of the target's area that is inside the image and not covered.
-
+    The truth bounds the target's whole outline (alpha of one half) in the middle of the exposure,
+    also of what is hidden or beyond the image; it's None while less than a tenth of the target is
+    in sight. The visibility is the part of the target's area that is inside the image and not
+    covered.
     """
 
     frame: NDArray[np.uint8]

@@ -1,4 +1,9 @@
-"""Procedural textures: noise, foliage, masonry, cloth."""
+"""
+Procedural textures: noise, foliage, masonry, cloth.
+
+A shape is (height, width) in pixels, and so are cells; `unit` is how many pixels a length of 1 has.
+Pictures are float32, shape (H, W, 3), noise is float32, shape (H, W).
+"""
 
 from __future__ import annotations
 
@@ -13,32 +18,17 @@ Colour = tuple[float, float, float]
 
 
 def fractal_noise(
-        height: int, width: int, cell: float, rng: np.random.Generator,
+        shape: tuple[int, int], cell: float, rng: np.random.Generator,
         persistence: float = 0.6) -> NDArray[np.float32]:
     """
-    Return noise whose spectrum falls off like that of natural images.
+    Return noise of mean 0 and deviation about 1, whose spectrum falls off like natural images'.
 
     The coarse octaves don't depend on the resolution: the same generator, and a cell that grows
-    with the picture, give the same picture with more detail.
-
-    Parameters
-    ----------
-    height, width : int, [px]
-        The size of the picture.
-    cell : float, [px]
-        The size of the largest structures.
-    rng : numpy.random.Generator
-        Where the noise comes from.
-    persistence : float
-        How much weaker each octave is than the last.
-
-    Returns
-    -------
-    noise : ndarray of float32, shape (height, width)
-        Of mean 0 and standard deviation about 1.
-
+    with the picture, give the same picture with more detail. The largest structures have the size
+    of a cell; each octave is weaker than the last by the factor `persistence`.
     """
-    noise = np.zeros((height, width), np.float32)
+    height, width = shape
+    noise = np.zeros(shape, np.float32)
     amplitude, power = 1.0, 0.0
     while True:
         rows, columns = int(np.ceil(height / cell)) + 3, int(np.ceil(width / cell)) + 3
@@ -54,57 +44,34 @@ def fractal_noise(
         cell /= 2
 
 
-def wood_grain(height: int, width: int, unit: float,
+def wood_grain(shape: tuple[int, int], unit: float,
                rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return noise in streaks from top to bottom, as `fractal_noise`; `unit` in pixels."""
-    streaks = fractal_noise(max(2, height // 12), width, 4 * unit, rng, 0.8)
+    """Return noise in streaks from top to bottom."""
+    height, width = shape
+    streaks = fractal_noise((max(2, height // 12), width), 4 * unit, rng, 0.8)
     return np.asarray(cv2.resize(streaks, (width, height), interpolation=cv2.INTER_CUBIC),
                       np.float32)
 
 
 def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
            hue: float = 0.0) -> Picture:
-    """
-    Return a picture of one colour whose brightness, and a little its hue, follow some noise.
-
-    Parameters
-    ----------
-    noise : ndarray of float32, shape (H, W)
-        Of standard deviation 1.
-    colour : tuple of float
-        Blue, green, red.
-    contrast : float
-        The standard deviation of the brightness, as a part of it.
-    hue : float
-        The same for red against blue.
-
-    """
+    """Return one colour whose brightness, and by a share `hue` its red against blue, follow noise."""
     base = np.array(colour, np.float32)
     tint = np.array([-hue, 0.0, hue], np.float32)
     gain = 1 + contrast * noise[..., None] + tint * np.roll(noise, 7, axis=1)[..., None]
     return np.asarray(np.clip(base * gain, 0, 255), np.float32)
 
 
-def foliage(height: int, width: int, unit: float, rng: np.random.Generator,
-            colour: Colour = (45, 95, 70), leaf: float = 2.5) -> Picture:
-    """
-    Return leaves in light and shadow.
+def lit(colour: Colour, gain: NDArray[np.float32]) -> Picture:
+    """Return one colour under a gain of shape (H, W)."""
+    return np.asarray(np.clip(np.array(colour, np.float32) * gain[..., None], 0, 255), np.float32)
 
-    Parameters
-    ----------
-    height, width : int, [px]
-        The size of the picture.
-    unit : float, [px]
-        How many pixels a length of 1 has.
-    rng : numpy.random.Generator
-        Varies everything.
-    colour : tuple of float
-        Blue, green, red.
-    leaf : float
-        The length of a leaf.
 
-    """
-    shade = fractal_noise(height, width, 22 * unit, rng)
+def foliage(shape: tuple[int, int], unit: float, rng: np.random.Generator, colour: Colour,
+            leaf: float) -> Picture:
+    """Return leaves of a length in light and shadow."""
+    height, width = shape
+    shade = fractal_noise(shape, 22 * unit, rng)
     picture = np.asarray(tinted(shade, colour, 0.3), np.uint8).copy()
     count = int(0.9 * height * width / (unit * leaf) ** 2)
     places = rng.random((count, 2)) * (width, height)
@@ -122,27 +89,11 @@ def foliage(height: int, width: int, unit: float, rng: np.random.Generator,
     return picture.astype(np.float32)
 
 
-def masonry(height: int, width: int, unit: float, rng: np.random.Generator,
-            colour: Colour = (95, 110, 150), brick: tuple[float, float] = (10, 4.5)) -> Picture:
-    """
-    Return a wall of bricks, tiles or planks: courses of rectangles that differ a little.
-
-    Parameters
-    ----------
-    height, width : int, [px]
-        The size of the picture.
-    unit : float, [px]
-        How many pixels a length of 1 has.
-    rng : numpy.random.Generator
-        Varies everything.
-    colour : tuple of float
-        Blue, green, red.
-    brick : tuple of float
-        Width and height of a brick.
-
-    """
+def masonry(shape: tuple[int, int], unit: float, rng: np.random.Generator, colour: Colour,
+            brick: tuple[float, float]) -> Picture:
+    """Return courses of bricks, tiles or planks (width, height) that differ a little."""
     step_x, step_y = brick[0] * unit, brick[1] * unit
-    y, x = np.mgrid[0:height, 0:width].astype(np.float32)
+    y, x = np.mgrid[:shape[0], :shape[1]].astype(np.float32)
     course = np.floor(y / step_y).astype(int)
     offset = 0.5 * step_x * (course % 2)
     column = np.floor((x + offset) / step_x).astype(int)
@@ -153,5 +104,5 @@ def masonry(height: int, width: int, unit: float, rng: np.random.Generator,
         np.minimum((x + offset) % step_x, step_x - (x + offset) % step_x),
         np.minimum(y % step_y, step_y - y % step_y))
     gain -= 0.22 * np.clip(1 - joint / max(0.5 * unit, 0.7), 0, 1)
-    gain += 0.07 * fractal_noise(height, width, 14 * unit, rng)
+    gain += 0.07 * fractal_noise(shape, 14 * unit, rng)
     return np.asarray(np.clip(gain[..., None] * np.array(colour), 0, 255), np.float32)

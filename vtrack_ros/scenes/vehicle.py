@@ -27,22 +27,12 @@ _Face = tuple[list[_Point], Colour]
 
 
 class Car:
-    """
-    A car 1.75 units wide, whose origin is on the ground below its middle.
-
-    Parameters
-    ----------
-    unit : float, [px]
-        How many pixels a length of 1 has in the sprites.
-    rng : numpy.random.Generator
-    colour : tuple of float
-
-    """
+    """A car 1.75 units wide; its origin is on the ground below its middle, `unit` in pixels."""
 
     def __init__(self, unit: float, rng: np.random.Generator, colour: Colour) -> None:
         self._unit = unit
         self._faces = _car_faces(colour)
-        self._reflection = 1 + 0.07 * fractal_noise(256, 256, 60, rng)
+        self._reflection = 1 + 0.07 * fractal_noise((256, 256), 60, rng)
         self._render = lru_cache(maxsize=128)(self._rendered)
 
     def sprite(self, yaw: float, pitch: float) -> Sprite:
@@ -131,16 +121,7 @@ def _across(profile: tuple[tuple[float, float], ...], level: Colour,
 
 
 class Helicopter:
-    """
-    A helicopter about 5 units long, whose origin is in its cabin; its rotor is a sprite apart.
-
-    Parameters
-    ----------
-    unit : float, [px]
-        How many pixels a length of 1 has in the sprites.
-    rng : numpy.random.Generator
-
-    """
+    """A helicopter about 5 units long, its origin in the cabin; its rotor is a sprite apart."""
 
     def __init__(self, unit: float, rng: np.random.Generator) -> None:
         self._unit = unit
