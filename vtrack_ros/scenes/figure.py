@@ -61,15 +61,14 @@ class Person:
         """
         Return the person.
 
-        The phase counts steps of a double step; a yaw of 0 faces the viewer, one of pi / 2 right; a
-        stride of 0 stands, one of 1 walks, one of 1.6 runs.
+        The phase counts steps of a double step; a yaw of 0 faces the viewer, one of pi / 2 right;
+        a stride of 0 stands, one of 1 walks, one of 1.6 runs.
         """
         return self._render(round(phase * _PHASES) % _PHASES, round(yaw, 2), round(stride, 1))
 
     def _rendered(self, phase: int, yaw: float, stride: float) -> Sprite:
-        turn = rotation(yaw)
         parts = self._parts(2 * math.pi * phase / _PHASES, stride)
-        return render([part.turned(turn) for part in parts], self._unit, 0.55)
+        return render(parts, rotation(yaw), self._unit, 0.55)
 
     def _parts(self, phase: float, stride: float) -> list[Ellipsoid]:
         rise = 1.2 * stride * math.cos(2 * phase)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.scenes.solid import (
-    ball, Ellipsoid, limb, Paint, plain, render, rotation, striped, Surface)
+    ball, limb, Paint, plain, render, rotation, striped, Surface)
 from vtrack_ros.scenes.sprite import Sprite
 from vtrack_ros.scenes.texture import Colour
 
@@ -54,9 +54,7 @@ class Head:
         return self._render(round(yaw, 2), 0.0, False)
 
     def _rendered(self, yaw: float, pitch: float, head: bool) -> Sprite:
-        turn = rotation(yaw, pitch)
-        parts: list[Ellipsoid] = self._head if head else self._body
-        return render([part.turned(turn) for part in parts], self._unit)
+        return render(self._head if head else self._body, rotation(yaw, pitch), self._unit)
 
 
 def _face(skin: Colour, hair: Colour, complexion: Surface) -> Paint:

@@ -32,10 +32,6 @@ class Ellipsoid:
     axes: NDArray[np.float64]
     paint: Paint
 
-    def turned(self, rotation: NDArray[np.float64]) -> Ellipsoid:
-        """Return it turned about the origin by a matrix of shape (3, 3)."""
-        return replace(self, centre=rotation @ self.centre, axes=rotation @ self.axes)
-
 
 def ball(x: float, y: float, z: float, rx: float, ry: float, rz: float,
          paint: Paint) -> Ellipsoid:
@@ -67,12 +63,15 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> NDArray
     return np.asarray(about_z @ about_x @ about_y, np.float64)
 
 
-def render(solids: Sequence[Ellipsoid], unit: float, ambient: float = 0.5) -> Sprite:
+def render(solids: Sequence[Ellipsoid], turn: NDArray[np.float64], unit: float,
+           ambient: float = 0.5) -> Sprite:
     """
-    Return the picture of some solids, seen from the front without perspective.
+    Return the picture of some solids that a rotation turns, without perspective.
 
     A length of 1 has `unit` pixels; the side in shadow is as bright as `ambient`, from 0 to 1.
     """
+    solids = [replace(solid, centre=turn @ solid.centre, axes=turn @ solid.axes)
+              for solid in solids]
     extents = [np.linalg.norm(solid.axes[:2], axis=1) for solid in solids]
     lows = np.array([solid.centre[:2] - extent for solid, extent in zip(solids, extents)])
     highs = np.array([solid.centre[:2] + extent for solid, extent in zip(solids, extents)])

@@ -81,10 +81,10 @@ class Camera:
     """
     What films the scene.
 
-    `motion` moves the view in the world: (x, y) is looked at instead of the middle of the base, as
-    an offset; a scale above 1 sees more. The shutter is open for `exposure`, in frames. The noise is
-    the standard deviation at full brightness, of 255; in the dark it's about a third. The lens's
-    blur, `softness`, is in pixels at one pixel per world unit.
+    `motion` moves the view in the world by an offset (x, y); a scale above 1 sees more. The shutter
+    is open for `exposure`, in frames. The noise is the standard deviation at full brightness, of
+    255; in the dark it's about a third. The lens's blur, `softness`, is in pixels at one pixel per
+    world unit.
     """
 
     motion: Callable[[float], Placement] = field(default=lambda time: Placement(0, 0))
@@ -155,32 +155,31 @@ def _world_to_image(scene: Scene, time: float) -> Affine:
 def _exposed(scene: Scene, time: float) -> NDArray[np.float32]:
     """Let backdrop and actors shine on the sensor while the shutter is open."""
     half = scene.camera.exposure / 2
-    steps = max(2, _travel(lambda when: _world_to_image(scene, when), time, half))
-    moves = steps > 2
-    moments = np.linspace(time - half, time + half, steps) if moves else np.array([time])
     picture = np.zeros((scene.view.height, scene.view.width, 3), np.float32)
-    for moment in moments:
-        picture += _backdrop(scene, moment)
-    picture /= len(moments)
+    matrices = _exposure(lambda when: _world_to_image(scene, when), time, half)
+    for matrix in matrices:
+        picture += _backdrop(scene, matrix)
+    picture /= len(matrices)
     for actor in scene.actors:
         _lay(picture, scene, actor, time, half)
     return picture
 
 
-def _travel(matrix: Callable[[float], Affine], time: float, half: float) -> int:
-    """Return how many moments an exposure needs so that no step is longer than a pixel."""
+def _exposure(matrix: Callable[[float], Affine], time: float, half: float) -> list[Affine]:
+    """Return the maps at so many moments that no step is longer than a pixel."""
     before, after = matrix(time - half), matrix(time + half)
     probes = np.array([[0.0, 0.0, 1.0], [80.0, 0.0, 1.0], [0.0, 80.0, 1.0]])
-    shift = float(np.abs((after - before) @ probes.T).max())
-    return min(24, 2 + int(1.3 * shift))
+    steps = min(24, 2 + int(1.3 * float(np.abs((after - before) @ probes.T).max())))
+    moments = np.linspace(time - half, time + half, steps) if steps > 2 else [time]
+    return [matrix(moment) for moment in moments]
 
 
-def _backdrop(scene: Scene, time: float) -> NDArray[np.float32]:
+def _backdrop(scene: Scene, world_to_image: Affine) -> NDArray[np.float32]:
     canvas = scene.backdrop
     to_world = np.array([[1 / canvas.unit, 0, canvas.left + 0.5 / canvas.unit],
                          [0, 1 / canvas.unit, canvas.top + 0.5 / canvas.unit]])
     to_pixels = np.array([[1.0, 0, -0.5], [0, 1.0, -0.5]])
-    full = compose(to_pixels, compose(_world_to_image(scene, time), to_world))
+    full = compose(to_pixels, compose(world_to_image, to_world))
     size = (scene.view.width, scene.view.height)
     return np.asarray(cv2.warpAffine(canvas.picture, full, size, flags=cv2.INTER_LINEAR,
                                      borderMode=cv2.BORDER_REFLECT), np.float32)
@@ -190,12 +189,8 @@ def _lay(picture: NDArray[np.float32], scene: Scene, actor: Actor, time: float,
          half: float) -> None:
     sprite = actor.sprite(time)
 
-    def matrix(when: float) -> Affine:
-        return compose(_world_to_image(scene, when), actor.placement(when).matrix())
-
-    steps = _travel(matrix, time, half)
-    moments = np.linspace(time - half, time + half, steps) if steps > 2 else np.array([time])
-    matrices = [matrix(moment) for moment in moments]
+    matrices = _exposure(lambda when: compose(
+        _world_to_image(scene, when), actor.placement(when).matrix()), time, half)
     bounds = np.array([sprite.bounds(each) for each in matrices])
     height, width = picture.shape[:2]
     left, top = max(0, bounds[:, 0].min()), max(0, bounds[:, 1].min())

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from vtrack_ros.scenes import landscape
+from vtrack_ros.scenes import outdoor
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.figure import shadow
 from vtrack_ros.scenes.ground import Ground
@@ -46,7 +46,7 @@ def _post(unit: float, height: float) -> Sprite:
 def car_approach(view: View, rng: np.random.Generator) -> Scene:
     """Return a car that comes near and grows fourfold, behind a lamp post, among its likes."""
     ground = Ground(84, 0.0125, 140)
-    backdrop = landscape.road(view, ground, rng.spawn(1)[0])
+    backdrop = outdoor.road(view, ground, rng.spawn(1)[0])
     near = 2.1 * _METRE * view.unit
     target = Car(near, rng, (150, 122, 104))
     alike = [Car(near / 2, rng, colour) for colour in (
@@ -83,7 +83,7 @@ def _chimney(view: View, width: float, height: float, rng: np.random.Generator) 
 
 def helicopter(view: View, rng: np.random.Generator) -> Scene:
     """Return a helicopter over a town: near and far, from all sides, covered at frame 281."""
-    backdrop = landscape.valley(view, rng.spawn(1)[0], 620)
+    backdrop = outdoor.valley(view, rng.spawn(1)[0], 620)
     machine = Helicopter(26 * view.unit, rng)
     drift_x, drift_y = unrest(rng, 4, 70), unrest(rng, 3, 50)
     x = keyframes((0, 130), (60, 160), (200, 300), (268, 372), (296, 520), (330, 556), (430, 660),

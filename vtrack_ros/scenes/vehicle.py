@@ -149,7 +149,7 @@ class Helicopter:
 
     def _rendered(self, yaw: float, pitch: float, roll: float) -> Sprite:
         turn = rotation(0, pitch, roll) @ rotation(yaw)
-        return render([part.turned(turn) for part in self._parts], self._unit, 0.45)
+        return render(self._parts, turn, self._unit, 0.45)
 
     def rotor(self, time: float, pitch: float) -> Sprite:
         """Return the rotor's blur, seen as flat as the pitch in radians makes it."""
