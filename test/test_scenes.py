@@ -17,9 +17,9 @@ OTHERS = {'scale_change', 'light_change', 'full_occlusion', 'leave_and_return', 
 
 
 def shots(name, times):
-    """Return time -> frame of a scene at half its size."""
+    """Return time -> frame of a scene at a quarter of its size."""
     info = scene_info(name)
-    view = View(info.width // 2, info.height // 2, info.width, info.height)
+    view = View(info.width // 4, info.height // 4, info.width, info.height)
     scene = info.make(view, np.random.default_rng(0))
     return dict(zip(times, film(scene, iter(times), np.random.default_rng(0))))
 
@@ -35,7 +35,7 @@ def test_catalogue():
     assert scene_info('football').frames >= 130
 
 
-@pytest.mark.parametrize('size, time', [((240, 180), 0), ((330, 200), 41)])
+@pytest.mark.parametrize('size, time', [((160, 120), 0), ((220, 130), 41)])
 @pytest.mark.parametrize('name', sorted(set(PAPERS) | OTHERS))
 def test_truth_bounds_what_the_target_changes(name, time, size):
     """Where a picture changes with the target's brightness, there is the target: its bounds."""
@@ -72,20 +72,19 @@ def test_truth_is_the_middle_of_the_exposure():
 
 def test_size_scales_the_truth():
     """Twice the size, twice the box; another aspect ratio shows more on two sides."""
-    small = list(render('football', (400, 240), 3))
-    large = list(render('football', (800, 480), 3))
-    wide = list(render('football', (600, 240), 3))
-    for one, two, three in zip(small, large, wide):
-        assert two.truth.as_array() == pytest.approx(2 * one.truth.as_array(), abs=1.0)
-        shifted = one.truth.as_array() + (100, 0, 0, 0)
-        assert three.truth.as_array() == pytest.approx(shifted, abs=0.5)
-        assert three.frame.shape == (240, 600, 3)
+    small, large, wide = (
+        next(render('football', size)) for size in ((200, 120), (400, 240), (300, 120)))
+    assert large.truth.as_array() == pytest.approx(2 * small.truth.as_array(), abs=1.0)
+    shifted = small.truth.as_array() + (50, 0, 0, 0)
+    assert wide.truth.as_array() == pytest.approx(shifted, abs=0.5)
+    assert wide.frame.shape == (120, 300, 3)
 
 
 @pytest.mark.parametrize('name', ['face_fast', 'low_light_noise', 'car_approach'])
 def test_seed(name):
     """The same seed gives the same film; another one another, with the same story."""
-    one, same, other = (list(render(name, frames=6, seed=seed)) for seed in (3, 3, 4))
+    one, same, other = (
+        list(render(name, (96, 72), frames=3, seed=seed)) for seed in (3, 3, 4))
     assert all(np.array_equal(a.frame, b.frame) for a, b in zip(one, same))
     assert [frame.truth for frame in one] == [frame.truth for frame in same]
     assert not any(np.array_equal(a.frame, b.frame) for a, b in zip(one, other))
@@ -95,7 +94,7 @@ def test_seed(name):
 
 def test_number_of_frames():
     """Fewer frames are the beginning; after the end the story runs backwards."""
-    short, long = list(render('face_fast', frames=4)), list(render('face_fast', frames=60))
+    short, long = (list(render('face_fast', (64, 48), frames)) for frames in (4, 60))
     assert all(np.array_equal(a.frame, b.frame) for a, b in zip(short, long))
     assert [frame.index for frame in long] == list(range(60))
     assert long[49 + 7].truth == long[49 - 7].truth
@@ -105,7 +104,7 @@ def test_number_of_frames():
 
 def test_largest_size():
     """Full HD works, in colour and contiguous."""
-    shot = next(render('football', (1920, 1080), 1))
+    shot = next(render('football', (1920, 1080)))
     assert shot.frame.shape == (1080, 1920, 3)
     assert shot.frame.dtype == np.uint8 and shot.frame.flags.c_contiguous
     assert shot.truth.clipped(1920, 1080) is not None
@@ -131,8 +130,8 @@ def test_begins_in_full_view(name):
 
 def test_face_fast_is_fast():
     """The face peaks at 8 to 13 pixels a frame to the right and back, and rests between."""
-    frames = list(render('face_fast'))
-    speed = np.diff([frame.truth.center[0] for frame in frames])
+    frames = render('face_fast', (64, 48))
+    speed = 2 * np.diff([frame.truth.center[0] for frame in frames])
     assert 8 < speed.max() < 13 and 8 < -speed.min() < 13
     assert np.abs(speed[:6]).max() < 2 and np.abs(speed[18:21]).max() < 2
 
@@ -141,13 +140,13 @@ def test_face_fast_is_fast():
     ('full_occlusion', 15, 30), ('leave_and_return', 30, 45)])
 def test_away_and_back(name, low, high):
     """The target is away for so many frames on end, and there before and after."""
-    story = range(scene_info(name).frames)
+    story = range(0, scene_info(name).frames, 2)
     seen = shots(name, [float(time) for time in story])
     gone = [time for time in story if seen[time].truth is None]
-    assert gone == list(range(gone[0], gone[-1] + 1))
-    assert low <= len(gone) <= high
-    assert gone[0] > 40 and gone[-1] < len(story) - 40
-    assert sum(frame.visibility == 0 for frame in seen.values()) > 10
+    assert gone == list(range(gone[0], gone[-1] + 1, 2))
+    assert low <= 2 * len(gone) <= high
+    assert gone[0] > 40 and gone[-1] < story[-1] - 40
+    assert sum(frame.visibility == 0 for frame in seen.values()) > 5
     for frame in seen.values():
         assert (frame.truth is None) == (frame.visibility < 0.1)
 
@@ -156,7 +155,7 @@ def test_away_and_back(name, low, high):
     ('football', (10, 30, 48), (64, 68, 70, 72), 0.05, 0.6),
     ('similar_occlusion', (20, 60, 98), (108, 110, 112), 0.1, 0.6),
     ('distractor_cross', (10, 30, 104), (46, 47), 0.1, 0.6),
-    ('car_approach', (10, 60, 90), (130, 140, 150), 0.8, 0.97)])
+    ('car_approach', (10, 60, 80), (130, 140, 150), 0.8, 0.97)])
 def test_partial_occlusions(name, before, during, least, most):
     """The target is partly covered where the summary says so, and not elsewhere."""
     seen = shots(name, [*before, *during])
