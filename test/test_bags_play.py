@@ -24,6 +24,7 @@ from sensor_msgs.msg import Image  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 from vtrack_ros.bags import BagReader, messages  # noqa: E402
+from vtrack_ros.dds import VARIABLES  # noqa: E402
 from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
 
 PATIENCE = 30.0
@@ -127,6 +128,46 @@ def test_every_image_arrives(repository, bag, topic):
         assert (to_frame(message) == image.frame).all()
     # Never sooner than recorded; how much later is the machine's business.
     assert counts['seconds'] >= (expected[-1].received - expected[0].received) / 2e9
+
+
+def test_a_reliable_subscriber_that_is_held_up_misses_nothing(repository, tmp_path, monkeypatch):
+    """What it hasn't got yet isn't replaced by what comes after it."""
+    code = """
+import rclpy
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Image
+
+def hear(message):
+    print('one', flush=True)
+    heard.append(message)
+
+rclpy.init()
+node, heard = rclpy.create_node('held_up'), []
+node.create_subscription(Image, 'image', hear, QoSProfile(depth=1000))
+while len(heard) < 50:
+    rclpy.spin_once(node)
+"""
+    # Fast DDS as it comes: its shared memory holds a few of these images.
+    profile = tmp_path / 'none.xml'
+    profile.write_text('<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"/>')
+    for name in VARIABLES:
+        monkeypatch.setenv(name, str(profile))
+    listener = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    try:
+        player = play(repository / 'bags' / 'face_fast', '--topic', 'image', '--rate', 4,
+                      '--wait', PATIENCE)
+        for _ in range(5):
+            listener.stdout.readline()
+        listener.send_signal(signal.SIGSTOP)
+        # As by a machine that has other things to do, for as long as the rest of the bag takes.
+        time.sleep(0.6)
+        listener.send_signal(signal.SIGCONT)
+        assert finish(player)[0] == 0
+        # It ends when it has heard all of them.
+        assert listener.wait(PATIENCE) == 0
+    finally:
+        listener.kill()
+        listener.wait()
 
 
 def test_clock_loop_and_best_effort(repository):

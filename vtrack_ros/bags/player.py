@@ -14,8 +14,10 @@ from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import BagReader, RawMessage
 from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 
-#: How long the player waits for reliable subscribers to have everything, in seconds.
-_FAREWELL = 2.0
+#: How long the player waits for reliable subscribers to have what was sent, in seconds.
+_LONGEST_WAIT = 2.0
+#: How many messages a publisher keeps for those who have not got them yet.
+_DEPTH = 10
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,7 @@ class Player:
         self._reliability = reliability
         self._publishers: dict[str, Any] = {}
         self._images: set[str] = set()
+        self._waiting: dict[str, int] = {}
         self.skipped: list[str] = []
         self.topics = self._chosen(topics)
         self._check_names()
@@ -137,7 +140,7 @@ class Player:
             if self.stop.is_set() or not pace.loop:
                 break
         played.seconds = time.monotonic() - began
-        self._take_leave()
+        self._wait_for_acknowledgement(*self._publishers.values())
         return played
 
     def _play_once(self, pace: Pace, clock: Any, played: Played) -> None:
@@ -154,7 +157,13 @@ class Player:
                 tick += 1
             if not self._sleep_until(began + due):
                 return
-            self._publishers[message.topic].publish(bytes(message.data))
+            publisher = self._publishers[message.topic]
+            publisher.publish(bytes(message.data))
+            self._waiting[message.topic] = waiting = self._waiting.get(message.topic, 0) + 1
+            if waiting == _DEPTH:
+                # The next one takes the oldest one's place, whether all have got that or not.
+                self._wait_for_acknowledgement(publisher)
+                self._waiting[message.topic] = 0
             played.counts[self.published_name(message.topic)] += 1
             played.images += message.topic in self._images
 
@@ -166,11 +175,11 @@ class Player:
         left = moment - time.monotonic()
         return not (self.stop.wait(left) if left > 0 else self.stop.is_set())
 
-    def _take_leave(self) -> None:
-        """Let reliable subscribers get what was sent last, before the publishers go."""
+    def _wait_for_acknowledgement(self, *publishers: Any) -> None:
+        """Let reliable subscribers get what was sent, unless one of them has stopped taking."""
         from rclpy.duration import Duration
-        deadline = time.monotonic() + _FAREWELL
-        for publisher in self._publishers.values():
+        deadline = time.monotonic() + _LONGEST_WAIT
+        for publisher in publishers:
             left = max(0.0, deadline - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
 
@@ -224,7 +233,7 @@ class Player:
                       else DurabilityPolicy.VOLATILE)
         return self._node.create_publisher(
             _message_class(topic.message_type), self.published_name(topic.name),
-            QoSProfile(depth=10, reliability=reliability, durability=durability))
+            QoSProfile(depth=_DEPTH, reliability=reliability, durability=durability))
 
     def _clock_publisher(self) -> Any:
         from builtin_interfaces.msg import Time
