@@ -1,11 +1,9 @@
 """The filters' benchmarks run, and their JSON has the documented shape."""
 
+import importlib
 import json
 import math
-import os
 from pathlib import Path
-import subprocess
-import sys
 
 import pytest
 
@@ -13,37 +11,46 @@ BENCHMARKS = Path(__file__).resolve().parents[1] / 'benchmarks'
 METRICS = ('rmse_mean', 'rmse_median', 'rmse_var', 'seconds_per_run')
 
 
-def run(script, *arguments):
-    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(
-        [str(BENCHMARKS.parent), os.environ.get('PYTHONPATH', '')])}
-    return subprocess.run(
-        [sys.executable, str(BENCHMARKS / script), *arguments], env=environment,
-        capture_output=True, text=True, timeout=300)
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Return a call of a benchmark's main function, which returns what was printed."""
+    monkeypatch.syspath_prepend(BENCHMARKS)
+
+    def call(script, *arguments):
+        module = importlib.import_module(script)
+        for name in ('STEPS', 'GREY_STEPS', 'REFERENCE_PARTICLES'):
+            if hasattr(module, name):
+                monkeypatch.setattr(module, name, 8)
+        assert module.main(list(arguments)) == 0
+        return capsys.readouterr().out
+    return call
 
 
-def test_ung(tmp_path):
+def test_ung(run, tmp_path):
+    """Every filter on both models has its figures, in the JSON and in a row of the table."""
     file = tmp_path / 'ung.json'
-    ended = run('ung.py', '--runs', '3', '--json', str(file))
-    assert ended.returncode == 0, ended.stderr
+    printed = run('ung', '--runs', '2', '--particles', '20', '--json', str(file))
     results = json.loads(file.read_text(encoding='utf-8'))
     for model in ('ung', 'vandermerwe'):
+        table = printed.partition(f'### {model}\n')[2].partition('###')[0]
         for name in ('pf', 'epf', 'upf', 'qkpf', 'pqkpf'):
             entry = results[model][name]
             assert all(math.isfinite(entry[metric]) for metric in METRICS)
             assert entry['rmse_mean'] > 0 and entry['seconds_per_run'] > 0
             low, mean, high = (entry['difference_to_qkpf'][key] for key in ('low', 'mean', 'high'))
             assert low <= mean <= high
+            assert f'| {name} |' in table
         # Pruning as printed prunes nothing in one dimension, and the seeds are the same.
         assert results[model]['pqkpf']['rmse_mean'] == results[model]['qkpf']['rmse_mean']
-        assert name in ended.stdout and model in ended.stdout
 
 
-def test_filters(tmp_path):
+def test_filters(run, tmp_path):
+    """Every step has its time, every rule its points and its error."""
     file = tmp_path / 'filters.json'
-    ended = run('filters.py', '--runs', '2', '--repeats', '2', '--json', str(file))
-    assert ended.returncode == 0, ended.stderr
+    printed = run('filters', '--runs', '2', '--repeats', '1', '--json', str(file))
     results = json.loads(file.read_text(encoding='utf-8'))
-    assert all(entry['ratio'] > 0 for entry in results['speed'].values())
+    for name, entry in results['speed'].items():
+        assert entry['ratio'] > 0 and f'| {name} |' in printed
     radar = results['rules']['4-D, 1 m, 0.01 rad']
     assert radar['full product']['points'] == 81 and radar['pruned']['points'] == 33
     for entries in results['rules'].values():
@@ -52,10 +59,13 @@ def test_filters(tmp_path):
             entries['full product']['rmse_mean'], rel=1e-6)
 
 
-@pytest.mark.parametrize('script', ['ung.py', 'filters.py'])
-def test_help_and_bad_arguments(script):
-    helped = run(script, '--help')
-    assert helped.returncode == 0
-    assert '--runs' in helped.stdout and '--json' in helped.stdout
-    refused = run(script, '--runs', '0')
-    assert refused.returncode == 2 and 'at least 1' in refused.stderr
+@pytest.mark.parametrize('script', ['ung', 'filters'])
+def test_help_and_bad_arguments(run, script, capsys):
+    """Help names the options; a number of runs must be positive."""
+    with pytest.raises(SystemExit, match='0'):
+        run(script, '--help')
+    helped = capsys.readouterr().out
+    assert '--runs' in helped and '--json' in helped
+    with pytest.raises(SystemExit, match='2'):
+        run(script, '--runs', '0')
+    assert 'at least 1' in capsys.readouterr().err

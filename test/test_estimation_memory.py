@@ -10,6 +10,7 @@ from vtrack_ros.estimation import (
     GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal,
     pruned_gauss_hermite, SigmaPointFilter, UnivariateNonstationaryGrowth, unscented)
 
+COUNT = 8000
 SMALL_CHANGE = 64 * 1024
 """What the interpreter, index arrays of one block and cached factors may take, in bytes."""
 
@@ -56,7 +57,7 @@ FILTERS = [
 @pytest.mark.parametrize('gaussian_filter', FILTERS, ids=lambda f: (
     f'{type(f).__name__}-{type(f.model).__name__}-{points_of(f)}'))
 def test_gaussian_filters(gaussian_filter):
-    model, count = gaussian_filter.model, 20000
+    model, count = gaussian_filter.model, COUNT
     n = model.state_dimension
     beliefs = Gaussian(np.full((count, n), 20.0), np.tile(np.eye(n), (count, 1, 1)))
     one_array = count * points_of(gaussian_filter) * n * 8
@@ -88,17 +89,17 @@ PROPOSALS = {
                          ids=['4-D', '1-D'])
 def test_steps_of_particle_filters(name, model):
     proposal = PROPOSALS[name](model)
-    count, n = 20000, model.state_dimension
+    n = model.state_dimension
     particle_filter = ParticleFilter(
-        model, proposal, particles=count, threshold=1.0, rng=np.random.default_rng(1))
+        model, proposal, particles=COUNT, threshold=1.0, rng=np.random.default_rng(1))
     start = np.full(n, 20.0)
     particle_filter.start(start, np.eye(n))
     measurement = model.measure(start[np.newaxis])[0]
-    for _ in range(6):
+    for _ in range(max(proposal.window - 1, 1)):
         particle_filter.step(measurement)
     step, peak = peak_of(lambda: particle_filter.step(measurement))
     returned = belief_bytes(step.belief) + (
         belief_bytes(particle_filter.belief) if step.resampled else 0)
     gaussian_filter = getattr(proposal, 'gaussian_filter', None)
     points = points_of(gaussian_filter) if gaussian_filter else 2 * n + 1
-    assert peak <= returned + count * points * n * 8 + SMALL_CHANGE
+    assert peak <= returned + COUNT * points * n * 8 + SMALL_CHANGE

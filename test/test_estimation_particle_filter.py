@@ -1,11 +1,13 @@
 """The particle filter's loop: convergence to the Kalman filter, recovery, state, errors."""
 
+import doctest
 import math
 
 import numpy as np
 import pytest
 from random_walk import RandomWalk
 
+from vtrack_ros import estimation
 from vtrack_ros.estimation import (
     Belief, ConstantVelocity, Gaussian, GaussianFilterProposal, GaussianNoise, GreyProposal,
     KalmanFilter, ParticleFilter, PriorProposal, spread_about, Weights)
@@ -18,6 +20,11 @@ def make(model=None, proposal=None, **options):
     dimension = particle_filter.model.state_dimension
     particle_filter.start(np.zeros(dimension), np.eye(dimension))
     return particle_filter
+
+
+def test_the_example_of_the_overview_runs():
+    outcome = doctest.testmod(estimation)
+    assert outcome.attempted and not outcome.failed
 
 
 def test_without_a_likelihood_a_step_is_a_prediction():
