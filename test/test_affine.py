@@ -107,3 +107,21 @@ def test_bounds_of_a_turned_rectangle():
     state[:2, :2] = affine.rotation(np.asarray(np.pi / 4))
     corners = np.array([[2, 1], [2, -1], [-2, 1], [-2, -1]]) @ state[:2, :2].T
     assert_allclose(affine.bounds(state, (4.0, 2.0))[2:], 2 * corners.max(0))
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.4, np.pi / 2])
+def test_ellipse_bounds_touch_the_turned_ellipse(turn):
+    state = _turned(turn)
+    circle = np.linspace(0, 2 * np.pi, 4000)
+    border = np.stack([2.0 * np.cos(circle), np.sin(circle)], 1) @ state[:2, :2].T
+    x, y, width, height = affine.ellipse_bounds(state, (4.0, 2.0))
+    assert (x, y) == (10, 20)
+    assert_allclose((width, height), 2 * border.max(0), rtol=1e-5)
+    assert_allclose(affine.ellipse_bounds(state, (3.0, 3.0))[2:], 3.0)  # a round one stays
+
+
+def _turned(turn):
+    state = np.eye(3)
+    state[:2, :2] = affine.rotation(np.asarray(turn))
+    state[:2, 2] = 10, 20
+    return state

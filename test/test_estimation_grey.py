@@ -34,6 +34,15 @@ def test_positive_series_get_the_paper_s_formula(length):
 
 
 @pytest.mark.parametrize('length', LENGTHS)
+def test_other_series_get_it_after_a_shift_up_to_their_range(length):
+    """The smallest value of the shifted series is the range."""
+    series = np.random.default_rng(length).uniform(-3.0, 1.0, length)
+    shift = np.ptp(series) - series.min()
+    expected = as_printed(series + shift) - shift
+    assert gm11_forecast(series[:, np.newaxis])[0] == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize('length', LENGTHS)
 @pytest.mark.parametrize('value', [1e-6, 0.0, 3.0, -7.0, 1e9])
 @pytest.mark.parametrize('forecast', [gm11_forecast, equivariant_forecast])
 def test_a_constant_series_stays(length, value, forecast):

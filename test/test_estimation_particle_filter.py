@@ -352,6 +352,21 @@ def test_the_gaussian_proposal_s_density_is_the_one_that_it_samples():
     np.testing.assert_allclose(proposed.log_density, expected, rtol=1e-9, atol=1e-9)
 
 
+def test_kept_covariances_are_those_of_each_particle_s_own_filter():
+    model = ConstantVelocity(1, 0, 0.5, 1.0, [[0.4]])
+    kalman, measurement = KalmanFilter(model), np.array([2.5])
+    states, covariances = np.array([[0.0, 0.5], [3.0, -1.0]]), np.array([np.eye(2), 2 * np.eye(2)])
+    belief = Belief(states, Weights.uniform(2), 0.0, covariances)
+    predicted = kalman.predict(Gaussian(states, covariances), 1.0)
+    posterior = kalman.update(predicted, measurement).posterior
+    kept, reset = (GaussianFilterProposal(kalman, covariance) for covariance in ('kept', 'reset'))
+    for seen, expected in ((measurement, posterior), (None, predicted)):
+        rng = np.random.default_rng(6)
+        proposed = kept.propose(model, belief, 1.0, rng, seen)
+        np.testing.assert_allclose(proposed.covariances, expected.covariance)
+        assert reset.propose(model, belief, 1.0, rng, seen).covariances is None
+
+
 @pytest.mark.parametrize('options, name', [
     ({'window': 3}, 'window'), ({'floor': -0.1}, 'floor'), ({'floor': math.inf}, 'floor'),
     ({'floor': 0.0, 'spread': 'moved'}, 'floor'), ({'margin': -1.0}, 'margin'),

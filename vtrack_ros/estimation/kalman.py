@@ -19,16 +19,7 @@ _BLOCK = 16384
 
 @dataclass(frozen=True, eq=False)
 class Gaussian:
-    """
-    N Gaussian beliefs, side by side.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (N, n)
-    covariance : ndarray, shape (N, n, n)
-        Symmetric positive (semi-)definite.
-
-    """
+    """N Gaussian beliefs, side by side: means (N, n), symmetric covariances (N, n, n)."""
 
     mean: FloatArray
     covariance: FloatArray
@@ -52,12 +43,7 @@ class Gaussian:
         mean : array_like, shape (n,) or (N, n)
             One, or many.
         covariance : array_like, shape (n, n) or (N, n, n)
-            One for all means, or one for each.
-
-        Raises
-        ------
-        ValueError
-            If shapes don't fit, a value isn't finite or a covariance not positive definite.
+            One for all means, or one for each; symmetric and positive definite.
 
         """
         means = checked_array('mean', np.atleast_2d(mean), (None, None))

@@ -53,16 +53,7 @@ def checked_positive(name: str, value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class GaussianNoise:
-    """
-    A zero-mean Gaussian error, factorised once for sampling and for densities.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-    factor : ndarray, shape (n, n)
-        L with `L L^T = covariance`.
-
-    """
+    """A zero-mean Gaussian error, with the factor L of its covariance `L L^T`, (n, n) both."""
 
     covariance: FloatArray
     factor: FloatArray

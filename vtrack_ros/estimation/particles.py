@@ -112,11 +112,6 @@ class Belief:
     estimate_times : tuple of float
         The times of the estimates.
 
-    Raises
-    ------
-    ValueError
-        If the numbers of states, weights and covariances differ.
-
     """
 
     states: FloatArray
