@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.mean_shift import EllipseColours
+from vtrack_ros.appearance.ellipse_colours import EllipseColours
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.mean_shift import climb, fuse
 from vtrack_ros.tracker import TrackState

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.mean_shift import EllipseColours
+from vtrack_ros.appearance.ellipse_colours import EllipseColours
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned

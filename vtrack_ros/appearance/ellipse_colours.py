@@ -1,4 +1,4 @@
-"""Colour histograms on ellipses: likeness, mean shift, and the bandwidth matrix."""
+"""Colour histograms on ellipses: similarity, mean shift, and the bandwidth matrix."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class EllipseColours:
         model = cls(histogram, background, weighted, empty.astype(np.intp), empty, empty,
                     np.eye(2))._indexed()
         return replace(model, moment=np.linalg.inv(square_root(model._moment(
-            frame, center, matrix))))
+            frame, center, matrix, _REGION))))
 
     def learned(self, frame: Frame, center: Array, matrix: Array, rate: float) -> EllipseColours:
         """Return the model after an example of that weight."""
@@ -161,7 +161,7 @@ class EllipseColours:
 
     def climb(self, frame: Frame, center: Array, matrix: Array, steps: int = 10) -> Array:
         """
-        Return the nearest maximum of likeness, found by mean shift [Yin2013, eqs 2-3].
+        Return the nearest maximum of similarity, found by mean shift [Yin2013, eqs 2-3].
 
         The mean of the sample points, weighted with kernel and `sqrt(q / p)`; as printed the
         denominator lacks the weights and has a factor `s` too many.
@@ -195,8 +195,24 @@ class EllipseColours:
             Symmetric; the identity where nothing changed.
 
         """
-        moment = self._moment(frame, center, matrix)
+        moment = self._moment(frame, center, matrix, _REGION)
         return square_root(self.moment @ moment @ self.moment)
+
+    def printed_growth(self, frame: Frame, center: Array, matrix: Array) -> Array:
+        """
+        Return the matrix A by which [Yin2013, eq. 11] changes the form, to the letter.
+
+        The new bandwidth matrix is the second moment of the weights over the ellipse. A target of
+        colours that the background lacks ends in an ellipse 1.25 times as large as itself; one
+        that shares its colours with the background grows by that factor each time.
+
+        Returns
+        -------
+        ndarray, shape (2, 2)
+            Symmetric.
+
+        """
+        return SIGMA * square_root(self._moment(frame, center, matrix, _ELLIPSE))
 
     @property
     def separation(self) -> float:
@@ -236,13 +252,14 @@ class EllipseColours:
         result: Array = ratio * self.share / max(float(self.share.max()), 1e-9)
         return result
 
-    def _moment(self, frame: Frame, center: Array, matrix: Array) -> Array:
-        found = self._found(frame, *_spread(center, matrix, _REGION))
+    def _moment(self, frame: Frame, center: Array, matrix: Array, points: Array) -> Array:
+        """Return the weights' second moment over points of the disc, from the centre outwards."""
+        found = self._found(frame, *_spread(center, matrix, points))
         weights = self._weights(found[:_INSIDE])[found]
         total = weights.sum()
         if total <= 1e-9:
             return _UNIFORM.copy()
-        result: Array = (_REGION * weights[:, None]).T @ _REGION / total
+        result: Array = (points * weights[:, None]).T @ points / total
         # a line or a point of samples has no inverse
         return result + 1e-4 * np.eye(2)
 

@@ -1,0 +1,172 @@
+"""The particle filter over sized boxes that the first two papers and their baselines share."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from vtrack_ros.appearance.fusion import FUSION_RULES
+from vtrack_ros.estimation import (
+    ConstantVelocity, GaussianNoise, ParticleFilter, PriorProposal, Proposal, spread_about)
+
+from vtrack_ros.frame import Array, Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.replicas.cues import BoxCues, FusionRule
+from vtrack_ros.tracker import Estimate, Tracker
+from vtrack_ros.localisation.presence import state_after, unknown_covariance
+
+#: Standard deviations of the centre and the size that the particles don't know of, as shares of
+#: the target's mean side.
+_CENTER_ERROR, _SIZE_ERROR = 0.33, 0.3
+_SEARCHING_BELOW = 0.5
+#: Standard deviations of the first particles, in sides.
+_FIRST_SPREAD = np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02])
+
+BOX_PARAMETERS = ParameterTable([
+    Parameter('particles', 150, 'Number of particles.', 2, 5000),
+    Parameter('acceleration', 0.2, 'Standard deviation of the change of velocity a frame, as a '
+              "share of the target's mean side.", 0.001, 2.0),
+    Parameter('size_noise', 0.01, 'Standard deviation of the change of size a frame, as a share '
+              'of the mean side.', 0.001, 0.5),
+    Parameter('cues', 'colour', 'What boxes are compared by; in force at the next start.',
+              choices=('colour', 'colour+motion_edge')),
+    Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram; in force at "
+              'the next start.', choices=('flat', 'epanechnikov')),
+    Parameter('fusion', 'dempster_shafer', 'How two cues are fused.',
+              choices=tuple(FUSION_RULES)),
+    Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
+    Parameter('threshold', 1.0, 'Resample when the effective sample size falls below this share '
+              'of the particles.', 0.0, 1.0),
+])
+WEIGHTING = ParameterTable([
+    Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
+              'proposal.', choices=('simplified', 'full')),
+])
+
+
+class BoxParticleFilter(Tracker):
+    """
+    A particle filter over (cx, cy, vx, vy, w, h), in pixels and frames [Zhu2012, eq. 19].
+
+    Centres move at nearly constant velocity, sizes as a random walk: the papers' "first-order
+    autoregressive model", of which they give neither matrix nor noise. A subclass gives the
+    proposal, and says whether a measured centre steers it.
+    """
+
+    PARAMETERS = BOX_PARAMETERS
+    _measures: ClassVar[bool] = False
+    _filter: ParticleFilter
+
+    @abstractmethod
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        """Return the proposal for a model of motion."""
+
+    def _weighting(self) -> str:
+        """Return which weights the filter has, see `ParticleFilter`."""
+        return str(self._parameters['weighting'])
+
+    def _fusion(self) -> FusionRule:
+        """Return how the cues are fused."""
+        return FUSION_RULES[str(self._parameters['fusion'])]
+
+    def _configure(self) -> None:
+        if self._frame_shape is None:
+            return
+        self._side = 0.0  # the model of motion and the filter are made anew
+        self._cues.sigma = float(self._parameters['sigma'])
+        self._cues.fusion = self._fusion()
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        parameters = self._parameters
+        self._as_printed = bool(parameters.get('as_printed', False))
+        self._cues = BoxCues('motion_edge' in str(parameters['cues']), str(parameters['kernel']))
+        self._configure()
+        self._box = np.array([*box.center, box.width, box.height])
+        self._cues.start(frame, self._box)
+        self._unseen_frames = 0.0
+        side = float(np.sqrt(self._box[2] * self._box[3]))
+        self._filter = self._create_filter(side)
+        mean = np.array([*self._box[:2], 0.0, 0.0, *self._box[2:]])
+        self._filter.start(mean, np.diag((_FIRST_SPREAD * side)**2))
+        return self._estimate(1.0, np.zeros((4, 4)), _boxes(self._filter.belief.states))
+
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        self._adapt()
+        predicted = self._box.copy()
+        predicted[:2] += dt * self._filter.belief.mean[2:4]
+        self._cues.observe(frame, predicted)
+        center, error = None, None
+        if self._measures:
+            side = float(np.sqrt(self._box[2] * self._box[3]))
+            center, covariance = self._cues.measure(predicted, side)
+            error = GaussianNoise.from_covariance(covariance)
+        proposed = self._filter.propose(center, dt, error)
+        boxes = _boxes(proposed.states)
+        step = self._filter.weight(proposed, self._cues.log_likelihood(boxes), dt)
+        weights = step.belief.weights.values
+        mean = weights @ boxes
+        self._box = self._cues.bounded(mean[None])[0]
+        confidence = self._cues.confidence(self._box)
+        self._cues.update(self._box)
+        seen = confidence >= _SEARCHING_BELOW
+        self._unseen_frames = 0.0 if seen else self._unseen_frames + dt
+        return self._estimate(confidence, spread_about(mean, boxes, weights), boxes)
+
+    def _adapt(self) -> None:
+        """Make the model of motion anew when the target's size, or a parameter, has changed."""
+        side = float(np.sqrt(self._box[2] * self._box[3]))
+        if self._side and abs(side - self._side) < 0.1 * self._side:
+            return
+        belief = self._filter.belief
+        self._filter = self._create_filter(side)
+        self._filter.belief = belief
+        if len(belief) != self._filter.particles:
+            picked = self._rng.choice(len(belief), self._filter.particles, p=belief.weights.values)
+            self._filter.set_particles(belief.states[picked])
+
+    def _create_filter(self, side: float) -> ParticleFilter:
+        parameters = self._parameters
+        self._side = side
+        model = ConstantVelocity(
+            2, 2, (float(parameters['acceleration']) * side)**2,
+            (float(parameters['size_noise']) * side)**2)
+        return ParticleFilter(
+            model, self._proposal(model), particles=int(parameters['particles']),
+            threshold=float(parameters['threshold']), weighting=self._weighting(), rng=self._rng)
+
+    def _estimate(self, confidence: float, covariance: Array, boxes: Array) -> Estimate:
+        center_x, center_y, width, height = self._box.tolist()
+        unknown = unknown_covariance(
+            _CENTER_ERROR, _SIZE_ERROR, width * height, self._unseen_frames)
+        return Estimate(
+            box=Box.from_center(center_x, center_y, width, height), angle=0.0,
+            covariance=covariance + unknown, confidence=confidence,
+            state=state_after(self._unseen_frames), particles=boxes)
+
+
+class ColourParticleFilter(BoxParticleFilter):
+    """
+    PF: the transition prior as the proposal (Condensation), the baseline of all four papers.
+
+    Zhu, Yin and Xiang compare with colour alone, Qi with both cues too (`cues`). Prior and
+    proposal cancel in the weight, w = w_prev p(z|x) [Qi2012, eq. 3]; nothing had to be mended.
+    """
+
+    NAME = 'pf_paper'
+    SUMMARY = 'particle filter (Condensation), the baseline of the papers'
+
+    def _weighting(self) -> str:
+        return 'simplified'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return PriorProposal()
+
+
+def _boxes(states: Array) -> Array:
+    """Return the boxes (cx, cy, w, h) of states, shape (N, 4)."""
+    boxes = np.empty((len(states), 4))
+    boxes[:, :2], boxes[:, 2:] = states[:, :2], states[:, 4:]
+    return boxes

@@ -1,0 +1,190 @@
+"""The cues that the papers' particle filters weight boxes with: colour, and moving edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from vtrack_ros.appearance.fusion import FUSION_RULES, reliability
+from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
+from vtrack_ros.appearance.motion_edge import MotionEdge
+from vtrack_ros.estimation import spread_about
+from vtrack_ros.frame import Array, Frame
+
+#: From likelihoods (cues, N) and reliabilities (cues,) to the log of the fused one, shape (N,).
+FusionRule = Callable[[Array, Array], Array]
+
+#: A place is measured on so many places a side of a grid, so far apart in sides of the target.
+_PLACES, _SPACING = 7, 0.15
+#: How far the likest place is from the true one, in sides, on the rendered scenes.
+_CUE_ERROR = 0.1
+#: How far the size may be from the first one.
+_SMALLEST, _LARGEST = 0.2, 5.0
+#: Similarity at which on and off the target are even, and the width of the transition.
+_EVEN, _WIDTH = 0.45, 0.1
+_STEPS = _SPACING * (np.arange(_PLACES) - (_PLACES - 1) / 2)
+_GRID = np.array([(x, y) for x in _STEPS for y in _STEPS])
+
+
+class BoxCues:
+    """
+    The likelihood of boxes: a colour histogram, and moving edges beside it.
+
+    Colour is compared by Bhattacharyya's coefficient, p(z|x) = exp(-(1 - rho) / (2 sigma^2))
+    [Zhu2012, sec. 4, step 3; Qi2012, eqs 4-8], moving edges alike [Qi2012, eqs 9-15].
+
+    The papers don't say what their filters measure in video. Here it's the mean of the places
+    about the prediction, weighted with the likelihood of all cues fused, and its covariance is
+    theirs: wide where the cues say little, or like two places. To it comes the error of the cues.
+
+    Boxes are bounded softly, where the papers say nothing: sizes to a range about the first one,
+    centres to the image, outside of which nothing is seen.
+
+    Parameters
+    ----------
+    edges : bool
+        Whether moving edges are looked at.
+    kernel : {'flat', 'epanechnikov'}
+        Of the colour histogram.
+
+    """
+
+    sigma: float
+    """Width of the likelihood."""
+    fusion: FusionRule
+    """How the cues are fused."""
+
+    def __init__(self, edges: bool, kernel: str) -> None:
+        self._colour = ColourHistogram(kernel=kernel)
+        self._edges = MotionEdge() if edges else None
+        self.fusion = FUSION_RULES['product']
+
+    def start(self, frame: Frame, box: Array) -> None:
+        """Take the histogram of a box, shape (4,), for the reference."""
+        self._first = box.copy()
+        self._reference = self._colour.reference(frame, box)
+        shifts = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+        around = np.tile(box, (len(shifts), 1))
+        around[:, :2] += 1.2 * shifts * box[2:]
+        self._floor = min(0.9, float(np.median(
+            self._colour.coefficients(frame, around, self._reference))))
+        self.observe(frame, box)
+
+    def observe(self, frame: Frame, predicted: Array) -> None:
+        """Take the next frame, in which the target should be at a box, shape (4,)."""
+        self._frame = frame
+        if self._edges is None:
+            return
+        height, width = frame.shape[:2]
+        low = predicted[:2] - 1.5 * predicted[2:]
+        high = predicted[:2] + 1.5 * predicted[2:]
+        left, top = int(np.clip(low[0], 0, width - 1)), int(np.clip(low[1], 0, height - 1))
+        right = int(np.clip(high[0], left + 1, width))
+        bottom = int(np.clip(high[1], top + 1, height))
+        self._edges.advance(frame, (left, top, right, bottom))
+
+    def measure(self, predicted: Array, side: float) -> tuple[Array, Array]:
+        """
+        Measure the target's centre about a predicted box.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (4,), [px]
+            Where it should be.
+        side : float, [px]
+            The target's mean side.
+
+        Returns
+        -------
+        center : ndarray, shape (2,), [px]
+        covariance : ndarray, shape (2, 2), [px^2]
+
+        """
+        boxes = np.tile(predicted, (len(_GRID), 1))
+        boxes[:, :2] += side * _GRID
+        exponents = self.log_likelihood(boxes)
+        weights = np.exp(exponents - exponents.max())
+        weights /= weights.sum()
+        places = boxes[:, :2]
+        center = weights @ places
+        covariance = spread_about(center, places, weights)
+        return center, covariance + (_CUE_ERROR * side)**2 * np.eye(2)
+
+    def log_likelihood(self, boxes: Boxes) -> Array:
+        """Return log p(frame | box) up to a constant for boxes (N, 4), shape (N,)."""
+        scored = self.bounded(boxes)
+        excess = ((boxes - scored) / (0.1 * scored))[:, 2:]
+        rho = self._colour.coefficients(self._frame, scored, self._reference)
+        exponent = (rho - 1) / (2 * self.sigma**2)
+        if self._edges is None:
+            result = exponent
+        else:
+            likelihoods = np.stack([np.exp(exponent - exponent.max()),
+                                    self._edges.likelihoods(scored, self.sigma)])
+            best = np.nanmax(likelihoods[1]) if np.isfinite(likelihoods[1]).any() else 1.0
+            likelihoods[1] /= best
+            result = self.fusion(likelihoods, reliability(likelihoods))
+        result -= (excess**2).sum(axis=1)
+        # nothing is seen outside: what has gone there must not wander off for ever
+        edge = np.array(self._frame.shape[1::-1])
+        beyond = (boxes[:, :2] - np.clip(boxes[:, :2], 0, edge)) / self._first[2:]
+        result -= (beyond**2).sum(axis=1)
+        return result
+
+    def bounded(self, boxes: Boxes) -> Boxes:
+        """Return boxes, shape (N, 4), whose sizes are in a range about the first one."""
+        bounded = boxes.copy()
+        np.clip(boxes[:, 2:], _SMALLEST * self._first[2:], _LARGEST * self._first[2:],
+                out=bounded[:, 2:])
+        return bounded
+
+    def confidence(self, box: Array) -> float:
+        """Return how sure it is that the target is in a box, shape (4,): in [0, 1]."""
+        rho = float(self._colour.coefficients(self._frame, box[None], self._reference)[0])
+        similarity = (rho - self._floor) / (1 - self._floor)
+        return float(1 / (1 + np.exp(-(similarity - _EVEN) / _WIDTH)))
+
+    def update(self, box: Array) -> None:
+        """Take the moving edges in a box, shape (4,), for the target's."""
+        if self._edges is not None:
+            self._edges.learn(box)
+
+
+def normalised_masses(likelihoods: Array, _: Array) -> Array:
+    """
+    Fuse cues by the theory of evidence to the letter of [Qi2012, eqs 16-19].
+
+    Each cue's likelihoods are divided by their sum over the particles; what comes out is the
+    cue's basic probability of "this particle is the target" (eqs 16, 17). Two cues are combined
+    by Dempster's rule,
+
+        w = w_d w_D / (w_d w_D + (1 - w_d) (1 - w_D)),
+
+    and divided by their sum again (eq. 19). Eq. 18 prints `(1 - w_d) w_D` in the denominator, by
+    which the second cue cancels and w = w_d: the colour alone, which `cues=colour` runs.
+
+    A cue that abstains is the same for all particles: eqs 16 and 17 give each 1/N. The weight of
+    the last step, in both eq. 8 and eq. 15, isn't counted here but once, in the filter's step d.
+
+    Parameters
+    ----------
+    likelihoods : ndarray, shape (cues, N)
+        Not negative; a row of NaN is a cue that abstains.
+    _ : ndarray, shape (cues,)
+        The reliabilities, of which the paper knows nothing.
+
+    Returns
+    -------
+    ndarray, shape (N,)
+        The log of the fused weights, which sum to one.
+
+    """
+    heard = np.where(np.isnan(likelihoods), 1.0, likelihoods)
+    masses = heard / heard.sum(axis=1, keepdims=True)
+    target, other = masses.prod(axis=0), (1 - masses).prod(axis=0)
+    with np.errstate(divide='ignore'):
+        # two cues that are certain of different particles leave 0 / 0
+        fused = target / np.maximum(target + other, np.finfo(np.float64).tiny)
+        result: Array = np.log(fused / max(fused.sum(), np.finfo(np.float64).tiny))
+    return result

@@ -1,0 +1,350 @@
+"""ABMSPF and ABMS: mean shift on an ellipse's colours, with few particles and without [Yin2013]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import cv2
+import numpy as np
+
+from vtrack_ros.appearance.ellipse_colours import EllipseColours
+from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned
+from vtrack_ros.localisation.mean_shift import fuse
+from vtrack_ros.localisation.presence import state_after, unknown_covariance
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.tracker import Estimate, Tracker
+
+#: Frames of search after which it goes on in the whole frame [Yin2013, step 9].
+_LOCAL_FRAMES = 10
+#: Candidates of a local search.
+_CANDIDATES = 20
+#: At most so many samples of a frame are searched for blobs, and so many blobs are matched.
+_SAMPLES, _BLOBS = 20000, 12
+_SMALLEST, _LARGEST = 0.3, 4.0
+#: The ratio of the axes changes by at most this factor in all.
+_ASPECT = 1.6
+#: Share of the measured change of form that is taken in one frame, where the target shares no
+#: colour with its surroundings.
+_GAIN = 0.4
+#: An ellipse nearer to a circle than this ratio of the axes has no angle.
+_ROUND = 1.15
+#: Similarity at which on and off the target are even, and the width of the transition.
+_EVEN, _WIDTH = 0.4, 0.1
+#: Width of the likelihood that the covariance is of, and errors in units of the size.
+_LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.33, 0.3
+
+_STENCIL = np.array([(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)])
+
+_MEAN_SHIFT = ParameterTable([
+    Parameter('rejected', 0.5, 'Similarity r below which the target counts as hidden.', 0.0, 1.0),
+    Parameter('growth', 0.1, 'Largest relative change of an axis in one frame.', 0.0, 0.5),
+    Parameter('levels', 16, 'Levels of each colour channel; in force at the next start.',
+              choices=(8, 16)),
+    Parameter('background', True, 'Whether colours count less that the first surroundings share; '
+              'in force at the next start, and as printed they never do.'),
+    Parameter('learning', 0.0, 'How fast the colours follow a target that is seen well.',
+              0.0, 1.0),
+    Parameter('as_printed', False, 'No weights for the background, and the bandwidth matrix by '
+              'eq. 11 to the letter; in force at the next start.'),
+])
+_PARTICLES = ParameterTable([
+    Parameter('particles', 20, 'Number of particles.', 1, 2000),
+    Parameter('accepted', 0.8, 'Similarity th from which mean shift is trusted.', 0.0, 1.0),
+    Parameter('region', 0.5, 'Reach of the redrawn particles, in semi-axes of the target.',
+              0.0, 5.0),
+    Parameter('inertia', 0.5, 'Share of the last step that the motion model expects again.',
+              0.0, 1.0),
+])
+
+
+@dataclass(frozen=True)
+class Match:
+    """
+    A place that is like the target.
+
+    Parameters
+    ----------
+    place : ndarray, shape (2,), [px]
+        The centre.
+    zeta : float
+        The similarity there, in [0, 1] [Yin2013, eq. 5].
+
+    """
+
+    place: Array
+    zeta: float
+
+
+class AdaptiveBandwidthMeanShift(Tracker):
+    """
+    ABMS: mean shift with an adaptive bandwidth, the baseline of [Yin2013, sec. 1.1].
+
+    The target is the ellipse of eq. 8, compared by its colours (eqs 1, 4, 5). It has no
+    particles: where the similarity falls to r, it searches the whole frame at once for blobs of
+    the target's colours.
+
+    Misprints, mended always, for nothing can be run with them: eq. 2's denominator lacks the
+    weights and has a factor `s` too many; eq. 10 has `h11 - h12` for `h11 - h22`.
+
+    Mended:
+
+    - Colours that the first surroundings share count less, in the manner of Comaniciu et al.
+      (2003); without this the bandwidth follows the background (`background`).
+    - Eq. 11 lets an unchanged target grow by sigma^2 / 4: its moment is taken relative to the
+      first one. The matrix changes by at most `growth` a frame, the less the more colours the
+      target shares with its surroundings. It rests while the similarity is below the mean of th
+      and r, and goes back to what it was at th when the target is lost: what an occluder leaves
+      visible isn't the target's form.
+
+    `as_printed` undoes both: no weights, and the matrix is eq. 11's in every frame (step 4), one
+    iteration a frame. The range about the first matrix stays, or an ellipse on a background of
+    the same colours would grow without end.
+
+    Where the paper is silent: search begins in the frame in which it's found necessary (steps 7
+    and 8); while it fails, the mean of the particles about the forecast is reported, not the best
+    of them, which is the likest piece of background.
+    """
+
+    NAME = 'abms_paper'
+    SUMMARY = 'adaptive-bandwidth mean shift (ABMS), the baseline of Yin et al. 2013'
+    PARAMETERS = _MEAN_SHIFT
+
+    def _configure(self) -> None:
+        values = self._parameters
+        self._rejected = float(values['rejected'])
+        self._accepted = float(values.get('accepted', 0.8))
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        values = self._parameters
+        self._as_printed = bool(values['as_printed'])
+        self._center = np.array(box.center)
+        self._matrix = np.diag([box.width / 2, box.height / 2])
+        self._first = self._trusted = self._matrix
+        self._velocity = np.zeros(2)
+        self._searched_frames = 0.0
+        self._angle, self._first_angle = 0.0, self._orientation(0.0)
+        self._colours = EllipseColours.create(
+            frame, self._center, self._matrix, int(values['levels']),
+            bool(values['background']) and not self._as_printed)
+        turns = np.arange(8) * np.pi / 4
+        around = self._center + 1.6 * np.stack([np.cos(turns), np.sin(turns)], 1) @ self._matrix
+        self._floor = min(float(self._score(frame, around).mean()), 0.9)
+        return self._estimate(frame, 1.0, self._drawn(0.0))
+
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        points = self._drawn(dt)
+        match = None if self._searched_frames else self._tracked(frame, points)
+        expected = self._center
+        if match is None or match.zeta <= self._rejected:
+            if not self._as_printed:
+                self._matrix = self._trusted
+            match, expected = self._search(frame, dt, points)
+        if match is None:
+            self._searched_frames += dt
+            self._velocity *= 0.9**dt
+            self._center = self._inside(expected, frame)
+            return self._estimate(frame, 0.0, points)
+        step = (match.place - self._center) / dt
+        self._velocity = np.zeros(2) if self._searched_frames else (self._velocity + step) / 2
+        self._searched_frames = 0.0
+        self._center = self._inside(match.place, frame)
+        if match.zeta >= self._accepted:
+            self._trusted = self._matrix
+        self._adapt(frame, match.zeta)
+        return self._estimate(frame, match.zeta, points)
+
+    def _drawn(self, dt: float) -> Array:
+        """Return particles about where the target should be after `dt`, shape (N, 2)."""
+        return np.zeros((0, 2))
+
+    def _tracked(self, frame: Frame, points: Array) -> Match | None:
+        """Return the match near the last place, or None where all contradict each other."""
+        climbed = self._colours.climb(frame, self._center, self._matrix)
+        return Match(climbed, float(self._score(frame, climbed[None])[0]))
+
+    def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
+        """Search for the target; also return the place, shape (2,), to report where it fails."""
+        return self._likest(frame, self._blobs(frame)), self._center
+
+    def _likest(self, frame: Frame, candidates: Array) -> Match | None:
+        if not len(candidates):
+            return None
+        return self._matched(frame, candidates, self._score(frame, candidates))
+
+    def _matched(self, frame: Frame, candidates: Array, scores: Array) -> Match | None:
+        """Climb from the likest candidates; return the likest place if it's like enough."""
+        likest = [index for index in np.argsort(-scores)[:3] if scores[index] > self._rejected]
+        if not likest:
+            return None
+        places = np.array([self._colours.climb(frame, candidates[index], self._matrix)
+                           for index in likest])
+        scores = self._score(frame, places)
+        best = int(scores.argmax())
+        return Match(places[best], float(scores[best])) if scores[best] > self._rejected else None
+
+    def _blobs(self, frame: Frame) -> Array:
+        """Return the centres of the blobs of the target's colours, shape (N, 2)."""
+        height, width = frame.shape[:2]
+        stride = max(1, math.ceil(math.sqrt(height * width / _SAMPLES)))
+        offset = int(self._rng.integers(stride))
+        pixels = np.ascontiguousarray(frame[offset::stride, offset::stride])
+        mask = (self._colours.likelihood(pixels) > 0.5).astype(np.uint8)
+        area = np.pi * float(np.linalg.det(self._matrix)) / stride**2
+        if area > 30:
+            mask = cv2.erode(mask, np.ones((2, 2), np.uint8))
+        mask = cv2.dilate(mask, np.ones((3, 3), np.uint8))
+        _, _, statistics, centers = cv2.connectedComponentsWithStats(mask)
+        areas = statistics[1:, cv2.CC_STAT_AREA]
+        order = [index for index in np.argsort(-areas)[:_BLOBS] if areas[index] >= 0.15 * area]
+        result: Array = centers[1:][order].reshape(-1, 2) * stride + offset
+        return result
+
+    def _adapt(self, frame: Frame, zeta: float) -> None:
+        """Let bandwidth and colours follow the target, within bounds."""
+        growth, rate = float(self._parameters['growth']), float(self._parameters['learning'])
+        if self._as_printed:
+            self._reshape(self._colours.printed_growth(frame, self._center, self._matrix))
+        elif growth and zeta >= (self._rejected + self._accepted) / 2:
+            values, vectors = np.linalg.eigh(
+                self._colours.growth(frame, self._center, self._matrix))
+            gain = _GAIN * self._colours.separation**2
+            values = np.clip(values**gain, 1 / (1 + growth), 1 + growth)
+            self._reshape(vectors * values, vectors.T)
+        if rate and zeta >= self._accepted:
+            self._colours = self._colours.learned(frame, self._center, self._matrix, rate)
+
+    def _reshape(self, *factors: Array) -> None:
+        matrix = self._matrix
+        for factor in factors:
+            matrix = matrix @ factor
+        self._matrix = bounded_frame(matrix, self._first)
+        self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
+
+    def _score(self, frame: Frame, centers: Array) -> Array:
+        return self._colours.coefficients(frame, centers, self._matrix)
+
+    @property
+    def _bandwidth(self) -> Array:
+        result: Array = self._matrix @ self._matrix.T / SIGMA**2
+        return result
+
+    @property
+    def _half_sides(self) -> Array:
+        """Return the half sides of the ellipse's axis-aligned bound, shape (2,)."""
+        result: Array = SIGMA * np.sqrt(np.diag(self._bandwidth))
+        return result
+
+    def _orientation(self, previous: float) -> float:
+        """Return the major axis's angle, near a previous one; the previous one of a circle."""
+        major, minor, angle = axes_of_bandwidth(self._bandwidth)
+        return turned(angle, previous) if major > _ROUND * minor else previous
+
+    def _inside(self, center: Array, frame: Frame) -> Array:
+        height, width = frame.shape[:2]
+        return np.clip(center, 0.0, (width - 1.0, height - 1.0))
+
+    def _estimate(self, frame: Frame, zeta: float, points: Array) -> Estimate:
+        searched = self._searched_frames
+        box = bounds_of_bandwidth(_point(self._center), self._bandwidth)
+        offsets = _STENCIL @ self._matrix.T
+        scores = self._score(frame, self._center + offsets)
+        weights = np.exp(-(scores.max() - scores) / (2 * _LIKELIHOOD_WIDTH**2))
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = (offsets * weights[:, None]).T @ offsets / weights.sum()
+        covariance += unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, searched)
+        similarity = ((float(scores[0]) if searched else zeta) - self._floor) / (1 - self._floor)
+        confidence = 1 / (1 + math.exp(-(similarity - _EVEN) / _WIDTH))
+        sizes = np.broadcast_to([box.width, box.height], points.shape)
+        return Estimate(
+            box=box, angle=self._angle, covariance=covariance,
+            confidence=min(confidence, 0.3) if searched else confidence,
+            state=state_after(searched),
+            particles=np.concatenate([points, sizes], 1) if len(points) else None)
+
+
+class MeanShiftParticleFilter(AdaptiveBandwidthMeanShift):
+    """
+    ABMSPF, adaptive-bandwidth mean shift fused with few particles [Yin2013].
+
+    Mean shift gives one place, the best of a few particles another; they are fused by their
+    distance and the similarity (eqs 13-15). The particles converge on the result and are redrawn
+    about it (sec. 2.2). A search in three stages begins where the two contradict each other or
+    nothing is like the target (sec. 2.4): one step ahead, near it, and after ten frames
+    everywhere. What is mended is `AdaptiveBandwidthMeanShift`'s, and so is `as_printed`.
+    """
+
+    NAME = 'abmspf_paper'
+    SUMMARY = 'adaptive-bandwidth mean shift with particles (ABMSPF) of Yin et al. 2013'
+    PARAMETERS = _MEAN_SHIFT + _PARTICLES
+
+    def _drawn(self, dt: float) -> Array:
+        values = self._parameters
+        forecast = self._center + dt * float(values['inertia']) * self._velocity
+        uniform = self._rng.uniform(-1.0, 1.0, (int(values['particles']), 2))
+        return forecast + float(values['region']) * uniform * self._half_sides
+
+    def _tracked(self, frame: Frame, points: Array) -> Match | None:
+        climbed = self._colours.climb(frame, self._center, self._matrix)
+        scores = self._score(frame, np.concatenate([climbed[None], points]))
+        zeta, scores = float(scores[0]), scores[1:]
+        best = points[int(scores.argmax())]
+        far = axes_of_bandwidth(self._bandwidth)[0]
+        place = fuse(
+            zeta, _point(climbed), _point(best), SIGMA, far, self._accepted, self._rejected)
+        if place is None:
+            return None
+        if zeta < self._accepted:
+            zeta = max(zeta, float(scores.max()))
+        return Match(np.array(place), zeta)
+
+    def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
+        ahead = self._center + dt * self._velocity
+        match = self._likest(frame, ahead[None])
+        if match is not None:
+            return match, ahead
+        searched = self._searched_frames
+        reach = float(self._parameters['region']) * (1 + 0.2 * min(searched, 2 * _LOCAL_FRAMES))
+        spread = self._rng.uniform(-1.0, 1.0, (_CANDIDATES, 2)) * self._half_sides
+        candidates = np.concatenate([ahead + reach * spread, points])
+        scores = self._score(frame, candidates)
+        match = self._matched(frame, candidates, scores)
+        if match is None and searched > _LOCAL_FRAMES:
+            match = self._likest(frame, self._blobs(frame))
+        # the particles' mean, weighted with their similarity [Yin2013, eq. 12]
+        weights = scores[_CANDIDATES:] + 0.1
+        return match, weights @ points / weights.sum()
+
+
+def bounded_frame(matrix: Array, first: Array) -> Array:
+    """
+    Return an ellipse's frame within bounds about the first one.
+
+    Parameters
+    ----------
+    matrix, first : ndarray, shape (2, 2), [px]
+        The frame, and the one that it may not leave too far: a box's, which is diagonal.
+
+    Returns
+    -------
+    ndarray, shape (2, 2), [px]
+        Its axes' mean is from 0.3 to 4 times the first one's, and the axes' ratio changed by a
+        factor of at most 1.6.
+
+    """
+    left, axes, right = np.linalg.svd(matrix)
+    reference = np.sort(first.diagonal())[::-1]
+    ratio = reference[0] / reference[1]
+    mean = math.sqrt(axes[0] * axes[1])
+    usual = math.sqrt(reference[0] * reference[1])
+    mean = min(max(mean, _SMALLEST * usual), _LARGEST * usual)
+    elongation = min(max(axes[0] / axes[1], max(ratio / _ASPECT, 1.0)), ratio * _ASPECT)
+    axes = mean * np.array([math.sqrt(elongation), 1 / math.sqrt(elongation)])
+    result: Array = (left * axes) @ right
+    return result
+
+
+def _point(place: Array) -> Point:
+    return float(place[0]), float(place[1])

@@ -1,0 +1,124 @@
+"""KPF, UPF, QKPF and P-QKPF: a Gaussian filter for each particle as the proposal."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import partial
+
+from vtrack_ros.estimation import (
+    ConstantVelocity, gauss_hermite, GaussianFilter, GaussianFilterProposal, KalmanFilter,
+    Proposal, pruned_gauss_hermite, SigmaPointFilter, unscented)
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter, WEIGHTING
+from vtrack_ros.replicas.cues import FusionRule, normalised_masses
+
+_PRINTED_FILTER = ParameterTable([
+    Parameter('as_printed', False, 'Weights with prior over proposal, and a covariance that each '
+              'particle keeps; in force at the next start.'),
+])
+_QUADRATURE = ParameterTable([
+    Parameter('cues', 'colour+motion_edge', 'What boxes are compared by; in force at the next '
+              'start.', choices=('colour', 'colour+motion_edge')),
+    Parameter('kernel', 'epanechnikov', "Weights of a box's pixels in the colour histogram; in "
+              'force at the next start.', choices=('flat', 'epanechnikov')),
+    Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
+    Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
+              'share of the particles.', 0.0, 1.0),
+    Parameter('as_printed', False, 'Weights with prior over proposal, a covariance that each '
+              'particle keeps, and evidence normalised by its sum (fusion dempster_shafer); in '
+              'force at the next start.'),
+])
+
+
+class MeasuredParticleFilter(BoxParticleFilter):
+    """
+    Each particle is drawn from the posterior N(x_i, P_i) of a filter of its own [Qi2012, sec. 2].
+
+    Printed: the filter of a particle goes on from the covariance that it had, and the weight is
+    w_prev p(z|x) p(x|x_prev) / q(x|x_prev, z) [Zhu2012, eq. 5; Qi2012, sec. 2.2 d].
+
+    Mended: a particle's own filter starts from the particle, which is known, so with no
+    covariance; one that is kept counts the doubt about x_prev twice, in itself and in the spread
+    of the particles. And the weight is the likelihood's alone, for the measurement and the
+    likelihood are of the same pixels, and a ratio of densities in six dimensions leaves weight to
+    few particles; `weighting=full` has it. `as_printed` has both as printed.
+    """
+
+    PARAMETERS = BOX_PARAMETERS + WEIGHTING + _PRINTED_FILTER
+    _measures = True
+
+    @abstractmethod
+    def _gaussian_filter(self, model: ConstantVelocity) -> GaussianFilter:
+        """Return the filter of a particle."""
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return GaussianFilterProposal(
+            self._gaussian_filter(model), 'kept' if self._as_printed else 'reset')
+
+    def _weighting(self) -> str:
+        return 'full' if self._as_printed else super()._weighting()
+
+
+class KalmanParticleFilter(MeasuredParticleFilter):
+    """KPF: a Kalman filter for each particle, the baseline of [Zhu2012, sec. 5]."""
+
+    NAME = 'kpf_paper'
+    SUMMARY = 'Kalman particle filter (KPF), the baseline of Zhu et al. 2012'
+
+    def _gaussian_filter(self, model: ConstantVelocity) -> GaussianFilter:
+        return KalmanFilter(model)
+
+
+class UnscentedParticleFilter(MeasuredParticleFilter):
+    """UPF: an unscented Kalman filter for each particle, the baseline of [Zhu2012, sec. 5]."""
+
+    NAME = 'upf_paper'
+    SUMMARY = 'unscented particle filter (UPF), the baseline of Zhu et al. 2012'
+
+    def _gaussian_filter(self, model: ConstantVelocity) -> GaussianFilter:
+        return SigmaPointFilter(model, unscented)
+
+
+class QuadratureParticleFilter(MeasuredParticleFilter):
+    """
+    QKPF: a quadrature Kalman filter for each particle, two cues [Qi2012].
+
+    Printed of the cues: each one's weights are normalised over the particles, and combined by
+    Dempster's rule as if they were probabilities of one particle being the target (eqs 16-19).
+    With masses of about 1/N that is close to the product.
+
+    Mended (`fusion=dempster_shafer`): likelihoods are divided by the highest, a cue counts as much
+    as it tells the particles apart (Shafer's discounting), and half of what's unknown is the
+    target's; see `appearance.fusion`. `as_printed` has eqs 16-19 to the letter but for the
+    misprint in eq. 18, see `normalised_masses`, and what `MeasuredParticleFilter` says.
+    """
+
+    NAME = 'qkpf_paper'
+    SUMMARY = 'quadrature Kalman particle filter (QKPF), the baseline of Qi and Li 2012'
+    PARAMETERS = BOX_PARAMETERS + WEIGHTING + _QUADRATURE
+
+    def _gaussian_filter(self, model: ConstantVelocity) -> GaussianFilter:
+        rule = partial(gauss_hermite, order=int(self._parameters['order']))
+        return SigmaPointFilter(model, rule)
+
+    def _fusion(self) -> FusionRule:
+        if self._as_printed and self._parameters['fusion'] == 'dempster_shafer':
+            return normalised_masses
+        return super()._fusion()
+
+
+class PrunedQuadratureParticleFilter(QuadratureParticleFilter):
+    """
+    P-QKPF: the quadrature filter without its light points [Qi2012, eqs 20-22].
+
+    The threshold of eq. 20 is that of two dimensions: in the six of a box it leaves the centre
+    alone, which is no filter, so that it's never as printed here; what is done, and what the
+    regrouping of eqs 21 and 22 does, is in `pruned_gauss_hermite`.
+    """
+
+    NAME = 'pqkpf_paper'
+    SUMMARY = 'pruned quadrature Kalman particle filter (P-QKPF) of Qi and Li 2012'
+
+    def _gaussian_filter(self, model: ConstantVelocity) -> GaussianFilter:
+        rule = partial(pruned_gauss_hermite, order=int(self._parameters['order']))
+        return SigmaPointFilter(model, rule)
