@@ -1,0 +1,331 @@
+"""The papers' methods and their baselines, mended and as printed, on drawn targets."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+import math
+
+import cv2
+from drawn_video import box_at, DrawnVideo, straight
+import numpy as np
+import pytest
+
+from vtrack_ros.estimation import (
+    ConstantVelocity, GaussianFilterProposal, GaussianNoise, GreyProposal, KalmanFilter,
+    ParticleFilter)
+from vtrack_ros.geometry import Box
+from vtrack_ros.replicas import REPLICAS
+from vtrack_ros.replicas.box_filter import BoxParticleFilter
+from vtrack_ros.replicas.cues import BoxCues
+from vtrack_ros.tracker import TrackState
+
+BY_NAME = {replica.NAME: replica for replica in REPLICAS}
+SWITCHED = tuple(name for name, replica in BY_NAME.items() if 'as_printed' in replica.PARAMETERS)
+ELLIPSES = ('abmspf_paper', 'abms_paper')
+AFFINE = ('appf_paper', 'affine_pf_paper', 'ppca_paper')
+EACH = pytest.mark.parametrize('name', BY_NAME)
+EVERY_FORM = pytest.mark.parametrize(
+    ('name', 'parameters'),
+    [(name, {}) for name in BY_NAME] + [(name, {'as_printed': True}) for name in SWITCHED])
+
+
+@lru_cache
+def video(count=10, step=(2.0, 1.0), colour=True):
+    """Return frames of a target that moves straight on, and its true boxes."""
+    path = straight(count, step)
+    return tuple(DrawnVideo(colour).frames(path)), tuple(box_at(place) for place in path)
+
+
+def tracked(name, frames, box, seed=1, dt=1.0, **parameters):
+    """Return a replica's estimates."""
+    tracker = BY_NAME[name](seed, **parameters)
+    estimates = [tracker.start(frames[0], box)]
+    for frame in frames[1:]:
+        estimates.append(tracker.update(frame, dt))
+        check(estimates[-1])
+    return estimates
+
+
+def check(estimate):
+    """Check what holds of every estimate."""
+    assert np.isfinite(estimate.box.as_array()).all()
+    assert 0 <= estimate.confidence <= 1
+    covariance = estimate.covariance
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-9 * covariance.max())
+    assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_the_papers_trackers_are_all_there():
+    """Four methods and seven baselines; what needed no mending has no switch."""
+    assert list(BY_NAME) == [f'{name}_paper' for name in (
+        'gmpf', 'pqkpf', 'abmspf', 'appf', 'pf', 'kpf', 'upf', 'qkpf', 'abms', 'affine_pf',
+        'ppca')]
+    assert set(BY_NAME) - set(SWITCHED) == {'pf_paper', 'affine_pf_paper', 'ppca_paper'}
+    assert not any('preset' in replica.PARAMETERS for replica in REPLICAS)
+
+
+@EACH
+@pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
+def test_it_follows_a_moving_target(name, colour):
+    """A target of its own colours and texture: the box stays on it, and the state says so."""
+    frames, boxes = video(12, colour=colour)
+    estimates = tracked(name, frames, boxes[0])
+    np.testing.assert_allclose(
+        estimates[0].box.as_array(), boxes[0].as_array(), atol=1e-6)
+    overlaps = [estimate.box.iou(box) for estimate, box in zip(estimates, boxes)]
+    assert np.mean(overlaps) > 0.6
+    assert min(overlaps[-3:]) > 0.5
+    states = [estimate.state for estimate in estimates]
+    assert states.count(TrackState.TRACKING) >= 0.75 * len(states)
+
+
+@EVERY_FORM
+def test_the_same_seed_gives_the_same_bits(name, parameters):
+    """Two trackers of one seed agree bit for bit, also after a new start."""
+    frames, boxes = video()
+    runs = []
+    for _ in range(2):
+        tracker = BY_NAME[name](np.random.default_rng(3), **parameters)
+        rows = []
+        for _ in range(2):
+            tracker.start(frames[0], boxes[0])
+            for frame in frames[1:7]:
+                estimate = tracker.update(frame)
+                rows.append([*estimate.box.as_array(), estimate.angle, estimate.confidence,
+                             *estimate.covariance.ravel()])
+        runs.append(rows)
+    np.testing.assert_array_equal(*runs)
+
+
+@pytest.mark.parametrize('name', SWITCHED)
+def test_the_switch_changes_the_boxes_from_the_next_start_on(name):
+    """Set while it runs it changes nothing; after a start the boxes are others."""
+    frames, boxes = video()
+    mended = [estimate.box for estimate in tracked(name, frames, boxes[0])]
+    printed = [estimate.box for estimate in tracked(name, frames, boxes[0], as_printed=True)]
+    assert mended != printed
+    tracker = BY_NAME[name](1)
+    switched = [tracker.start(frames[0], boxes[0]).box]
+    tracker.configure(as_printed=True)
+    assert tracker.parameters['as_printed'] is True
+    assert switched + [tracker.update(frame).box for frame in frames[1:]] == mended
+
+
+@EVERY_FORM
+def test_every_parameter_may_change_while_it_runs(name, parameters):
+    """Each number grows by a fifth, and estimates go on."""
+    frames, boxes = video()
+    tracker = BY_NAME[name](1, **parameters)
+    tracker.start(frames[0], boxes[0])
+    for frame in frames[1:4]:
+        tracker.update(frame)
+    changes = {}
+    for row in BY_NAME[name].PARAMETERS.values():
+        if row.kind in (int, float) and row.low is not None:
+            changes[row.name] = min(max(row.kind(1.2 * row.default), row.low), row.high)
+    tracker.configure(**changes)
+    assert {key: tracker.parameters[key] for key in changes} == changes
+    for frame in frames[4:]:
+        check(tracker.update(frame))
+
+
+@EACH
+def test_dropped_frames_are_bridged(name):
+    """Every third frame of a target at 2 px a frame, told by dt = 3."""
+    frames, boxes = video(24, (2.0, 0.5))
+    estimates = tracked(name, frames[::3], boxes[0], dt=3.0)
+    assert estimates[-1].box.iou(boxes[::3][-1]) > 0.4
+
+
+@EVERY_FORM
+def test_boxes_stay_bounded_when_the_target_has_left(name, parameters):
+    """It runs out at the right border and stays away: finite and bounded, and not TRACKING."""
+    drawn = DrawnVideo()
+    path = [(250.0 + 8 * index, 110.0) for index in range(13)] + [None] * 20
+    estimates = tracked(name, [drawn.frame(place) for place in path], box_at(path[0]),
+                        **parameters)
+    area = box_at(path[0]).area
+    if not parameters:
+        assert all(0.04 < estimate.box.area / area < 36 for estimate in estimates)
+        absent = [estimate.state for estimate in estimates[-8:]]
+        assert absent.count(TrackState.TRACKING) <= 1
+
+
+@EVERY_FORM
+@pytest.mark.parametrize('shape, box', [
+    ((120, 160), Box(80.3, 60.8, 0.2, 0.3)), ((120, 160, 3), Box(-50, -40, 300, 250)),
+    ((1, 40, 3), Box(10, 0, 10, 1))], ids=['less than a pixel', 'larger than the image', 'a row'])
+def test_odd_sizes_do_no_harm(name, parameters, shape, box):
+    """Boxes and frames of any size give finite estimates, textured or not."""
+    rng = np.random.default_rng(5)
+    for contrast in (256, 1):
+        frames = [rng.integers(contrast, size=shape, dtype=np.uint8) for _ in range(4)]
+        tracked(name, frames, box, dt=0.37, **parameters)
+
+
+def run_by_hand(frames, box, proposal, weighting, measures):
+    """Return the boxes of a bare particle filter with the papers' colour cue."""
+    side = math.sqrt(box.area)
+    model = ConstantVelocity(2, 2, (0.2 * side)**2, (0.01 * side)**2)
+    bare = ParticleFilter(model, proposal(model), particles=150, threshold=1.0,
+                          weighting=weighting, rng=np.random.default_rng(1))
+    cues = BoxCues(edges=False, kernel='flat')
+    cues.sigma = 0.1
+    first = np.array([*box.center, box.width, box.height])
+    cues.start(frames[0], first)
+    bare.start([*first[:2], 0, 0, *first[2:]],
+               np.diag((np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02]) * side)**2))
+    found = first
+    for frame in frames[1:]:
+        predicted = found + [*bare.belief.mean[2:4], 0, 0]
+        cues.observe(frame, predicted)
+        center, error = None, None
+        if measures:
+            center, covariance = cues.measure(predicted, math.sqrt(found[2] * found[3]))
+            error = GaussianNoise.from_covariance(covariance)
+        step = bare.step(
+            center, 1.0, lambda states: cues.log_likelihood(states[:, [0, 1, 4, 5]]), error)
+        found = step.mean[[0, 1, 4, 5]]
+        yield found
+
+
+@pytest.mark.parametrize('name, proposal, weighting, measures', [
+    ('gmpf_paper', lambda _: GreyProposal(5, 1.0, None, 'forecast'), 'simplified', False),
+    ('kpf_paper', lambda model: GaussianFilterProposal(KalmanFilter(model), 'kept'), 'full', True),
+], ids=['GMPF: eqs 9-18', 'KPF: eq. 5, covariances kept'])
+def test_as_printed_is_the_bare_particle_filter(name, proposal, weighting, measures):
+    """Raw GM(1,1) with the spread of eq. 17; full weights with a covariance for each particle."""
+    frames, boxes = video(9, (1.0, 0.5))
+    expected = run_by_hand(frames, boxes[0], proposal, weighting, measures)
+    for estimate, box in zip(tracked(name, frames, boxes[0], as_printed=True)[1:], expected):
+        found = [*estimate.box.center, estimate.box.width, estimate.box.height]
+        np.testing.assert_allclose(found, box, rtol=1e-6)
+
+
+def test_grey_particles_collapse_without_process_noise():
+    """Eq. 17 to the letter: nothing keeps the spread up once resampling has made them one."""
+    frames, boxes = video(30, (0.0, 0.0))
+    spreads = {}
+    for floor in (0.0, 1.0):
+        last = tracked('gmpf_paper', frames, boxes[0], as_printed=True, floor=floor)[-1]
+        spreads[floor] = last.particles[:, 2].std()
+    assert spreads[0.0] < 0.5 * spreads[1.0]
+
+
+def test_both_cues_are_selectable_for_every_box_filter():
+    """PF with both cues is a baseline of Qi and Li; the fusion makes a difference to it."""
+    frames, boxes = video(8, (3.0, 0.0))
+    runs = {fusion: tracked('pf_paper', frames, boxes[0], cues='colour+motion_edge',
+                            fusion=fusion)[-1].box
+            for fusion in ('dempster_shafer', 'product', 'sum')}
+    assert len(set(map(str, runs.values()))) == 3
+    boxed = [replica for replica in REPLICAS if issubclass(replica, BoxParticleFilter)]
+    assert len(boxed) == 6 and all('cues' in replica.PARAMETERS for replica in boxed)
+
+
+def ellipse(center, axes, angle=0.0, seed=0):
+    """Draw a two-coloured ellipse, of semi-axes in pixels, on a noisy background."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:240, :320] + 0.5
+    x, y = x - center[0], y - center[1]
+    along = (x * math.cos(angle) + y * math.sin(angle)) / axes[0]
+    across = (y * math.cos(angle) - x * math.sin(angle)) / axes[1]
+    frame = np.full((240, 320, 3), (90, 100, 80), np.float64)
+    frame[along**2 + across**2 <= 1] = (40, 60, 200)
+    frame[(along - 0.2)**2 + (across + 0.1)**2 <= 0.2] = (220, 200, 40)
+    return np.clip(frame + rng.normal(0, 2, frame.shape), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize('name', ELLIPSES)
+def test_growth_is_followed(name):
+    """A target that grows by 1.5 % a frame has the box of its size at the end."""
+    places = [(60 + 4 * index, 120 + 10 * math.sin(index / 4)) for index in range(30)]
+    frames = [ellipse(place, (24 * 1.015**index, 18 * 1.015**index), seed=index)
+              for index, place in enumerate(places)]
+    last = tracked(name, frames, Box.from_center(*places[0], 48, 36))[-1].box
+    truth = Box.from_center(*places[-1], 48 * 1.015**29, 36 * 1.015**29)
+    assert last.iou(truth) > 0.7
+    assert math.sqrt(last.area / truth.area) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize('name', ELLIPSES)
+def test_as_printed_the_box_is_a_quarter_too_large(name):
+    """The moment of a uniform ellipse isn't its bandwidth [Yin2013, eq. 11]: 1.25 of each axis."""
+    frames = [ellipse((160, 120), (40, 30), seed=index) for index in range(15)]
+    start = Box.from_center(160, 120, 80, 60)
+    sizes = [math.sqrt(tracked(name, frames, start, as_printed=printed)[-1].box.area / start.area)
+             for printed in (False, True)]
+    assert sizes == pytest.approx([1.0, 1.25], abs=0.06)
+
+
+def test_rotation_of_an_ellipse_is_reported():
+    """The angle is that of the drawn ellipse, clockwise positive, from the start on."""
+    frames = [ellipse((160, 120), (50, 22), math.radians(3 * index), seed=index)
+              for index in range(20)]
+    angle = tracked('abmspf_paper', frames, Box.from_center(160, 120, 100, 44))[-1].angle
+    assert angle == pytest.approx(math.radians(57), abs=math.radians(10))
+
+
+@pytest.mark.parametrize('name', ELLIPSES)
+def test_a_hidden_target_is_not_claimed_and_is_found_again(name):
+    """Hidden for fifteen frames: the state is a search, and it's followed again afterwards."""
+    places = [(60 + 2 * index, 120) for index in range(42)]
+    frames = [ellipse((-100, -100) if 15 <= index < 30 else place, (24, 18), seed=index)
+              for index, place in enumerate(places)]
+    estimates = tracked(name, frames, Box.from_center(*places[0], 48, 36))
+    hidden = estimates[15:30]
+    assert sum(estimate.state is TrackState.TRACKING for estimate in hidden) <= 3
+    assert np.mean([estimate.confidence for estimate in hidden]) < 0.4
+    assert estimates[-1].state is TrackState.TRACKING
+    assert estimates[-1].box.iou(Box.from_center(*places[-1], 48, 36)) > 0.5
+
+
+def turning(count, turn):
+    """Return frames of a textured card, 60 x 44 px, that turns by `turn` a frame, and its box."""
+    rng = np.random.default_rng(2)
+    card = cv2.resize(rng.integers(0, 256, (8, 10, 3), dtype=np.uint8), (60, 44),
+                      interpolation=cv2.INTER_CUBIC)
+    ground = 90 + cv2.resize(rng.integers(0, 40, (16, 21, 3), dtype=np.uint8), (320, 240))
+    frames = []
+    for index in range(count):
+        matrix = cv2.getRotationMatrix2D((29.5, 21.5), -math.degrees(turn * index), 1.0)
+        matrix[:, 2] += (160 - 30, 120 - 22)
+        frame = ground.copy()
+        cv2.warpAffine(card, matrix, (320, 240), dst=frame, borderMode=cv2.BORDER_TRANSPARENT)
+        frames.append(np.clip(frame + rng.normal(0, 3, frame.shape), 0, 255).astype(np.uint8))
+    return frames, Box.from_center(160, 120, 60, 44)
+
+
+@pytest.mark.parametrize('parameters', [{}, {'as_printed': True}], ids=['mended', 'printed'])
+def test_keypoints_hold_a_faster_rotation_than_the_process_alone(parameters):
+    """Those of the target, and those of consecutive frames alike."""
+    frames, box = turning(9, 0.1)
+    errors = {}
+    for keypoints in (True, False):
+        last = tracked('appf_paper', frames, box, 0, keypoints=keypoints, rotation_noise=0.005,
+                       ar=0.0, **parameters)[-1]
+        errors[keypoints] = abs(last.angle - 0.8)  # clockwise is positive
+    assert errors[True] < 0.15
+    assert errors[True] < 0.5 * errors[False]
+
+
+@pytest.mark.parametrize('name', AFFINE[:2])
+def test_the_box_bounds_the_affine_frame(name):
+    """It maps the unit square about the origin onto the target; the box holds its corners."""
+    frames, box = turning(8, 0.03)
+    estimate = tracked(name, frames, box)[-1]
+    assert estimate.angle == pytest.approx(0.21, abs=0.1)
+    corners = estimate.affine @ np.array(
+        [[0.5, 0.5, -0.5, -0.5], [0.5, -0.5, 0.5, -0.5], [1, 1, 1, 1]])
+    found = estimate.box
+    np.testing.assert_allclose(corners[:2].min(1), (found.x, found.y), atol=1e-9)
+    np.testing.assert_allclose(
+        corners[:2].max(1), (found.x + found.width, found.y + found.height), atol=1e-9)
+
+
+def test_the_terms_of_the_affine_baselines():
+    """Only APPF has keypoints, and PPCA has no colour."""
+    tables = {name: BY_NAME[name].PARAMETERS for name in AFFINE}
+    assert [name for name, table in tables.items() if 'keypoints' in table] == ['appf_paper']
+    assert [name for name, table in tables.items() if 'colour_sigma' in table] == [
+        'appf_paper', 'affine_pf_paper']
