@@ -55,7 +55,7 @@ setup(
         'Typing :: Typed',
     ],
     packages=find_packages(include=[name, f'{name}.*']),
-    package_data={name: ['py.typed']},
+    package_data={name: ['py.typed', 'evaluation/*.jinja']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),
@@ -75,7 +75,7 @@ setup(
         'console_scripts': [
             f'tracker = {name}.ros.main:main',
             f'tracker_lifecycle = {name}.ros.main:lifecycle_main',
-            f'vtrack = {name}.cli.main:main',
+            f'vtrack = {name}.cli.command_line:main',
         ],
     },
 )

@@ -22,9 +22,9 @@ import numpy as np
 
 from vtrack_ros.evaluation import evaluate
 from vtrack_ros.evaluation.cache import default_folder, RunCache
-from vtrack_ros.evaluation.document import document
 from vtrack_ros.evaluation.environment import environment
 from vtrack_ros.evaluation.results import Results
+from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.scene_sequence import scene_sequence
 from vtrack_ros.evaluation.sequences import read_folder, Sequence
 from vtrack_ros.evaluation.table import markdown
@@ -220,7 +220,7 @@ def _measured(sequences: Iterable[Sequence], trackers: Trackers, preset: str, *,
     results = evaluate(specifications.values(), sequences, seeds, jobs, cache=cache)
     if results.problems:
         raise RuntimeError('\n'.join(str(problem) for problem in results.problems))
-    scores = document(results)['sequences']
+    scores = as_json(results)['sequences']
     keys = ('rmse_mean', 'rmse_var', 'auc', 'cpu_ms_median', 'cei')
     return {sequence: {label: {
         **{key: scores[sequence][text][key] for key in keys},

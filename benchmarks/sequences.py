@@ -15,11 +15,11 @@ import sys
 
 import numpy as np
 
-from vtrack_ros.evaluation import evaluate, parse_variants, Results
+from vtrack_ros.cli.progress import ProgressBar
+from vtrack_ros.evaluation import evaluate, parse_trackers, Results
 from vtrack_ros.evaluation.cache import default_folder, RunCache
-from vtrack_ros.evaluation.document import document
 from vtrack_ros.evaluation.peers import peer_names
-from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.table import markdown, number_text, summary_table, TITLES
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,8 +40,8 @@ def main(argv: list[str] | None = None) -> int:
               '  scripts/peers --python benchmarks/sequences.py', file=sys.stderr)
         return 2
     results = evaluate(
-        parse_variants(arguments.trackers), arguments.sequences, arguments.seeds,
-        arguments.jobs, ProgressBar(sys.stderr), RunCache(default_folder()))
+        parse_trackers(arguments.trackers), arguments.sequences, arguments.seeds,
+        arguments.jobs, ProgressBar('runs'), RunCache(default_folder()))
     for problem in results.problems:
         print(f'failed: {problem}', file=sys.stderr)
     print(summary_table(results))
@@ -95,7 +95,7 @@ def _references_hold(results: Results) -> bool:
 
 
 def _compact(results: Results) -> dict[str, object]:
-    whole = document(results)
+    whole = as_json(results)
     keys = {key for figure in PER_SEQUENCE for key in (figure, f'{figure}_std')}
 
     def rounded(row: dict[str, float | None], kept: set[str]) -> dict[str, float | None]:
@@ -111,7 +111,7 @@ def _compact(results: Results) -> dict[str, object]:
 
 
 def _page(results: Results) -> str:
-    facts = document(results)['environment']
+    facts = as_json(results)['environment']
     ranked = sorted(results.summary, key=lambda label: -results.summary[label]['auc'])
     seeds = len(results.seeds)
     head = (

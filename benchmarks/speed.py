@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 from dataclasses import dataclass
-import json
 import math
 from pathlib import Path
 import sys
@@ -19,15 +18,18 @@ import time
 from typing import Any
 
 import cv2
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 import numpy as np
+from result_files import write_json
 
-from vtrack_ros.evaluation import parse_variant, parse_variants, TrackerVariant
-from vtrack_ros.evaluation.charts import colour, Curve, line_chart, standalone
+from vtrack_ros.cli.progress import ProgressBar
+from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecification
+from vtrack_ros.evaluation.charts import colour
 from vtrack_ros.evaluation.environment import environment
+from vtrack_ros.evaluation.one_thread import one_thread
 from vtrack_ros.evaluation.peers import peer_names
-from vtrack_ros.evaluation.progress import ProgressBar
 from vtrack_ros.evaluation.table import markdown
-from vtrack_ros.evaluation.threads import restart_on_one_thread
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
@@ -84,13 +86,14 @@ def film(size: tuple[int, int], target: int, frames: int, seed: int) -> Film:
 
 
 def timed(
-        variants: Iterable[TrackerVariant], made: Film, seed: int) -> dict[str, dict[str, float]]:
+        chosen: Iterable[TrackerSpecification], made: Film,
+        seed: int) -> dict[str, dict[str, float]]:
     """
     Return the median processor and clock times of an update of each tracker, and its mean IoU.
 
     Parameters
     ----------
-    variants : iterable of TrackerVariant
+    chosen : iterable of TrackerSpecification
         They take turns of `TURN` frames.
     made : Film
         What they all see.
@@ -98,7 +101,7 @@ def timed(
         The trackers' seed.
 
     """
-    trackers = {variant.label: variant.create(seed) for variant in variants}
+    trackers = {one.label: one.create(seed) for one in chosen}
     cpu: dict[str, list[float]] = {label: [] for label in trackers}
     wall: dict[str, list[float]] = {label: [] for label in trackers}
     overlap: dict[str, list[float]] = {label: [] for label in trackers}
@@ -123,24 +126,24 @@ def timed(
                     'iou': float(np.mean(overlap[label]))} for label in trackers}
 
 
-def measure(variants: list[TrackerVariant], frames: int, seeds: int) -> dict[str, Any]:
+def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict[str, Any]:
     """Return all measurements: by image size, by target size and by number of particles."""
-    swarms = [variant for variant in variants
-              if 'particles' in variant.tracker_class.PARAMETERS and not variant.parameters]
+    swarms = [tracker for tracker in chosen
+              if 'particles' in tracker.tracker_class.PARAMETERS and not tracker.parameters]
     total = len(SIZES) + len(TARGETS) + 1
-    bar, done = ProgressBar(sys.stderr, 'films'), 0
+    bar, done = ProgressBar('films'), 0
     bar(done, total)
     images, targets = {}, {}
     for size in SIZES:
-        images[f'{size[0]}x{size[1]}'] = _over_seeds(variants, size, TARGET, frames, seeds)
+        images[f'{size[0]}x{size[1]}'] = _over_seeds(chosen, size, TARGET, frames, seeds)
         bar(done := done + 1, total)
     for target in TARGETS:
-        targets[str(target)] = _over_seeds(variants, VGA, target, frames, seeds)
+        targets[str(target)] = _over_seeds(chosen, VGA, target, frames, seeds)
         bar(done := done + 1, total)
     counts: dict[str, dict[str, dict[str, float]]] = {}
     for count in PARTICLES:
-        sized = [parse_variant(f'{variant.name}:particles={count}') for variant in swarms
-                 if _allows(variant, count)]
+        sized = [parse_tracker(f'{tracker.name}:particles={count}') for tracker in swarms
+                 if _allows(tracker, count)]
         row = _over_seeds(sized, VGA, TARGET, frames, seeds)
         counts[str(count)] = {label.partition(':')[0]: cells for label, cells in row.items()}
     bar(total, total)
@@ -155,17 +158,15 @@ def main(argv: list[str] | None = None) -> int:
         print('this OpenCV has neither CSRT nor KCF; run it as\n'
               '  scripts/peers --python benchmarks/speed.py', file=sys.stderr)
         return 2
-    variants = parse_variants(f'{arguments.trackers},{",".join(PEERS)}')
-    measured = measure(variants, arguments.frames, arguments.seeds)
+    chosen = parse_trackers(f'{arguments.trackers},{",".join(PEERS)}')
+    measured = measure(chosen, arguments.frames, arguments.seeds)
     content = {'environment': environment(), 'threads': 1, 'frames': arguments.frames,
                'seeds': list(range(arguments.seeds)), 'target_px': TARGET, **measured}
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / 'speed.json').write_text(
-        json.dumps(_rounded(content), indent=1) + '\n', encoding='utf-8')
+    write_json(arguments.out / 'speed.json', content)
     page = _page(content)
     (arguments.out / 'speed.md').write_text(page, encoding='utf-8')
-    for name, chart in _charts(content).items():
-        (arguments.out / f'speed_{name}.svg').write_text(chart, encoding='utf-8')
+    _draw(content, arguments.out)
     print(page)
     return 0
 
@@ -194,12 +195,12 @@ def _texture(
 
 
 def _over_seeds(
-        variants: list[TrackerVariant], size: tuple[int, int], target: int, frames: int,
+        chosen: list[TrackerSpecification], size: tuple[int, int], target: int, frames: int,
         seeds: int) -> dict[str, dict[str, float]]:
     """Return the mean of each figure over seeds, and the standard deviation of the time."""
-    if not variants:
+    if not chosen:
         return {}
-    rounds = [timed(variants, film(size, target, frames, seed), seed) for seed in range(seeds)]
+    rounds = [timed(chosen, film(size, target, frames, seed), seed) for seed in range(seeds)]
     result = {}
     for label in rounds[0]:
         row = {key: float(np.mean([one[label][key] for one in rounds]))
@@ -210,41 +211,34 @@ def _over_seeds(
     return result
 
 
-def _allows(variant: TrackerVariant, count: int) -> bool:
+def _allows(tracker: TrackerSpecification, count: int) -> bool:
     try:
-        variant.tracker_class.PARAMETERS.checked({'particles': count})
+        tracker.tracker_class.PARAMETERS.checked({'particles': count})
     except ValueError:
         return False
     return True
 
 
-def _rounded(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _rounded(one) for key, one in value.items()}
-    return round(value, 4) if isinstance(value, float) else value
-
-
-def _charts(content: dict[str, Any]) -> dict[str, str]:
+def _draw(content: dict[str, Any], folder: Path) -> None:
+    """Write the charts speed_NAME.svg."""
     titles = {'image': ('megapixels of the image', f'time by image size, target {TARGET} px'),
               'target': ('side of the target [px]', 'time by target size, 640x480'),
               'particles': ('particles', f'time by particles, 640x480, target {TARGET} px')}
     labels = list(content['image'][f'{VGA[0]}x{VGA[1]}'])
-    charts = {}
     for name, (x_label, title) in titles.items():
         rows = content[name]
-        shown = [label for label in labels if any(label in row for row in rows.values())]
-        curves = []
-        for label in shown:
-            points = [(_abscissa(key), row[label]['cpu_ms'])
-                      for key, row in rows.items() if label in row]
-            x, y = np.array(points, dtype=np.float64).T
-            curves.append(Curve(label, colour(labels.index(label)), x, y))
-        if curves:
-            chart = line_chart(curves, x_label, 'ms per frame', width=620, height=340,
-                               logarithmic=True)
-            legend = {curve.label: curve.color for curve in curves}
-            charts[name] = standalone(chart, legend, title)
-    return charts
+        with rc_context({'svg.hashsalt': 'vtrack', 'svg.fonttype': 'none'}):
+            figure = Figure((8, 5), layout='constrained')
+            axes = figure.add_subplot(xlabel=x_label, ylabel='ms per frame', title=title,
+                                      yscale='log')
+            for label in labels:
+                points = [(_abscissa(key), row[label]['cpu_ms'])
+                          for key, row in rows.items() if label in row]
+                if points:
+                    axes.plot(*zip(*points), label=label, color=colour(labels.index(label)))
+            axes.grid(axis='y')
+            figure.legend(loc='outside right upper')
+            figure.savefig(folder / f'speed_{name}.svg', metadata={'Date': None})
 
 
 def _abscissa(key: str) -> float:
@@ -295,5 +289,5 @@ def _page(content: dict[str, Any]) -> str:
 
 
 if __name__ == '__main__':
-    restart_on_one_thread()
-    sys.exit(main())
+    with one_thread():
+        sys.exit(main())

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
-from vtrack_ros.bags import BagError, BagReader  # noqa: E402
+from vtrack_ros.bags import BagError, BagReader, SequenceError  # noqa: E402
 from vtrack_ros.bags.importing import open_source  # noqa: E402
 from vtrack_ros.bags.recording import FIRST_STAMP, record  # noqa: E402
 from vtrack_ros.evaluation.sequences import read_folder  # noqa: E402
@@ -120,7 +120,7 @@ def test_broken_image(tmp_path):
     """It's named, and no bag is left behind."""
     root = write_folder(tmp_path / 'sequence')
     (root / '0007.png').write_bytes(b'no picture')
-    with pytest.raises(BagError, match='0007.png'):
+    with pytest.raises(SequenceError, match='0007.png'):
         record(open_source(root).frames(), tmp_path / 'bag')
     assert not (tmp_path / 'bag').exists()
 

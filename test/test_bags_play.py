@@ -89,7 +89,7 @@ def latched_bag(path, topic='/latched'):
 def play(*arguments):
     """Start a player."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'vtrack_ros.cli.main', 'play', *map(str, arguments)],
+        [sys.executable, '-m', 'vtrack_ros.cli.command_line', 'play', *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
 
 

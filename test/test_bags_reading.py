@@ -122,14 +122,14 @@ def test_broken_truth_file(tmp_path, text, words):
         bag.truth('/no_such_topic')
 
 
-def ros1_bag(path, compressed=False):
+def ros1_bag(path, compressed=False, topic='/camera'):
     """Write a ROS 1 bag of one image topic and of a type that Jazzy doesn't know."""
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg('uint8 level\n', 'my_msgs/msg/Level'))
     kind = store.types
     with Ros1Writer(path) as writer:
         name = 'sensor_msgs/msg/CompressedImage' if compressed else 'sensor_msgs/msg/Image'
-        images = writer.add_connection('/camera', name, typestore=store)
+        images = writer.add_connection(topic, name, typestore=store)
         levels = writer.add_connection('/level', 'my_msgs/msg/Level', typestore=store)
         for index, frame in enumerate(frames()):
             seconds, nanoseconds = divmod(FIRST + index * STEP, 10 ** 9)
@@ -157,6 +157,18 @@ def test_ros1(tmp_path, compressed):
     assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
     with BagReader(tmp_path / 'one.bag') as bag:
         assert {raw.topic for raw in bag.raw()} == {'/camera'}
+
+
+@pytest.mark.parametrize('recorded', ['/camera/image', 'camera/image'])
+@pytest.mark.parametrize('wanted', [None, '/camera/image', 'camera/image'])
+def test_relative_topics(tmp_path, recorded, wanted):
+    """ROS 1 records names without a slash too; they are found with and without one."""
+    with BagReader(ros1_bag(tmp_path / 'one.bag', topic=recorded)) as bag:
+        topic = bag.image_topic(wanted)
+        assert topic.name == '/camera/image'
+        assert len(list(bag.frames(wanted))) == topic.count == COUNT
+        assert {raw.topic for raw in bag.raw({wanted or recorded})} == {'/camera/image'}
+        assert bag.rate(recorded) == pytest.approx(1e9 / STEP)
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3', 'ros1'])

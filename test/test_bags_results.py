@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagReader, BagWriter  # noqa: E402
-from vtrack_ros.cli.main import main  # noqa: E402
+from vtrack_ros.cli.command_line import main  # noqa: E402
 
 OURS = {'results.csv', 'bag', 'video.mp4', 'contact_sheet.png'}
 

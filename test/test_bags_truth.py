@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagReader, BagWriter, messages  # noqa: E402
 from vtrack_ros.bags.truth import read_truth  # noqa: E402
-from vtrack_ros.cli.main import main  # noqa: E402
+from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
 
 FIRST = 5_000_000_123

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagReader, BagWriter  # noqa: E402
-from vtrack_ros.cli.main import main  # noqa: E402
+from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
 
 COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate')
@@ -33,7 +33,7 @@ def test_help(capsys):
     assert main(['--help']) == 0
     overview = capsys.readouterr().out
     for name in COMMANDS:
-        assert f'\n  {name} ' in overview
+        assert f'\n    {name} ' in overview
         assert main([name, '--help']) == 0
         page = capsys.readouterr().out
         assert page.startswith(f'usage: vtrack {name}')
@@ -44,7 +44,7 @@ def test_help(capsys):
 
 def test_help_needs_no_heavy_import():
     """The overview comes without NumPy, OpenCV or rosbags."""
-    code = ('import sys; from vtrack_ros.cli.main import main; main(["--help"]); '
+    code = ('import sys; from vtrack_ros.cli.command_line import main; main(["--help"]); '
             'sys.exit(bool({"numpy", "cv2", "rosbags", "rclpy"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
 
@@ -200,7 +200,7 @@ def test_places_that_cannot_be(repository, tmp_path, capsys):
 
 def command(*arguments, **options):
     """Start vtrack in a process of its own."""
-    return subprocess.Popen([sys.executable, '-m', 'vtrack_ros.cli.main', *arguments],
+    return subprocess.Popen([sys.executable, '-m', 'vtrack_ros.cli.command_line', *arguments],
                             stderr=subprocess.PIPE, text=True, env=dict(os.environ), **options)
 
 

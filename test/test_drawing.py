@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.drawing import Canvas, Film
+from vtrack_ros.drawing import AnnotatedFrame, Film
 
 
 @pytest.mark.parametrize('shade', [0, 120, 255])
 @pytest.mark.parametrize('text', ['8', '12  searching 0.87', 'W' * 30])
 def test_text_is_as_wide_as_its_outline(shade, text):
     """White letters are there whole, with a black edge of a pixel close about them."""
-    canvas = Canvas(np.full((40, 500, 3), shade, np.uint8), enlarge=False)
+    canvas = AnnotatedFrame(np.full((40, 500, 3), shade, np.uint8), enlarge=False)
     canvas.text(text)
     picture = canvas.picture.astype(int)
     plain = np.zeros((40, 500), np.uint8)
@@ -28,7 +28,7 @@ def test_pictures_of_several_sizes(tmp_path):
     with Film(tmp_path, 10, 6) as film:
         for index in range(6):
             shape = (60, 80, 3) if index % 2 else (48, 64, 3)
-            film.add(Canvas(np.full(shape, 40 * index, np.uint8)), 'waiting')
+            film.add(np.full(shape, 40 * index, np.uint8), 'waiting')
     video, sheet = film.paths
     capture = cv2.VideoCapture(str(video))
     shapes = [frame.shape for found, frame in iter(capture.read, (False, None))]
@@ -40,6 +40,6 @@ def test_pictures_of_several_sizes(tmp_path):
 def test_half_a_video_is_none(tmp_path):
     """After an error, no video is left that looks like a whole one."""
     with pytest.raises(KeyboardInterrupt), Film(tmp_path, 10, 6) as film:
-        film.add(Canvas(np.zeros((48, 64, 3), np.uint8)), 'waiting')
+        film.add(np.zeros((48, 64, 3), np.uint8), 'waiting')
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []

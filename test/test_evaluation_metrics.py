@@ -6,9 +6,10 @@ from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
-from vtrack_ros.evaluation import metrics, reporting
-from vtrack_ros.evaluation.running import Run
+from vtrack_ros.evaluation import calibration, metrics
+from vtrack_ros.evaluation.runner import Run
 from vtrack_ros.evaluation.scoring import score
+from vtrack_ros.evaluation.stream_score import StreamScore
 from vtrack_ros.geometry import Box
 
 NAN = [math.nan] * 4
@@ -81,7 +82,7 @@ def test_shapes_are_checked():
     with pytest.raises(ValueError, match='2 boxes but 1 rows of truth'):
         metrics.center_errors([(1, 2, 3, 4)] * 2, [(1, 2, 3, 4)])
     with pytest.raises(ValueError, match=r'covariances must have shape \(1, 2, 2\)'):
-        reporting.inside_ellipse([(1, 2, 3, 4)], np.eye(2), [(1, 2, 3, 4)], 0.9)
+        calibration.inside_ellipse([(1, 2, 3, 4)], np.eye(2), [(1, 2, 3, 4)], 0.9)
 
 
 def test_failures_and_recoveries():
@@ -99,20 +100,20 @@ def test_failures_and_recoveries():
 def test_auroc_is_a_probability_of_order(high, low):
     """It is the share of pairs in order, ties by half."""
     pairs = [(a > b) + 0.5 * (a == b) for a in high for b in low]
-    assert reporting.auroc(high, low) == pytest.approx(np.mean(pairs))
+    assert calibration.auroc(high, low) == pytest.approx(np.mean(pairs))
 
 
 def test_auroc_without_one_side():
     """With nothing to tell apart there is no figure."""
-    assert math.isnan(reporting.auroc([0.3], []))
-    assert math.isnan(reporting.auroc([], [0.3]))
+    assert math.isnan(calibration.auroc([0.3], []))
+    assert math.isnan(calibration.auroc([], [0.3]))
 
 
 def test_losses_and_their_reports():
     """A loss lasts until the target is hit again; it counts as reported when the state says so."""
     overlap = np.array([1, .7, .05, .0, .3, .6, math.nan, math.nan, .6, .0, .0, .9])
     reported = np.array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1], dtype=bool)
-    found = reporting.losses(overlap, reported)
+    found = calibration.losses(overlap, reported)
     assert found.count == 3
     assert found.delays == (1, 0)
 
@@ -121,15 +122,15 @@ def test_report_after_the_end_of_a_loss_is_none():
     """A tracker that says so only once it's back on the target didn't report the loss."""
     overlap = np.array([1, .0, .0, .8, .8])
     reported = np.array([0, 0, 0, 1, 0], dtype=bool)
-    assert reporting.losses(overlap, reported) == reporting.Losses(1, ())
+    assert calibration.losses(overlap, reported) == calibration.Losses(1, ())
 
 
 def test_returns():
     """From the return of the target until the box is on it; never, where that doesn't happen."""
     gone = math.nan
     overlap = np.array([1, gone, gone, .0, .2, .6, gone, .7, gone, .1, gone, .2, .3])
-    assert reporting.return_delays(overlap) == (2, 0, math.inf, math.inf)
-    assert reporting.return_delays(np.array([1, .2, gone, gone])) == ()
+    assert calibration.return_delays(overlap) == (2, 0, math.inf, math.inf)
+    assert calibration.return_delays(np.array([1, .2, gone, gone])) == ()
 
 
 def test_ellipse_holds_its_share_of_a_normal_distribution():
@@ -140,7 +141,7 @@ def test_ellipse_holds_its_share_of_a_normal_distribution():
     truth = np.tile([50.0, 40, 20, 10], (count, 1))
     boxes = truth + np.column_stack([offsets, np.zeros((count, 2))])
     for probability in (0.5, 0.9):
-        inside = reporting.inside_ellipse(
+        inside = calibration.inside_ellipse(
             boxes, np.tile(covariance, (count, 1, 1)), truth, probability)
         bound = 4 * math.sqrt(probability * (1 - probability) / count)
         assert abs(inside.mean() - probability) < bound
@@ -154,7 +155,7 @@ def test_ellipse_of_hand_made_covariances():
     covariances = np.tile(np.eye(2), (5, 1, 1))
     covariances[2] = 0
     covariances[4] = math.nan
-    inside = reporting.inside_ellipse(boxes, covariances, truth, 0.9)
+    inside = calibration.inside_ellipse(boxes, covariances, truth, 0.9)
     np.testing.assert_array_equal(inside, [1, 0, 0, math.nan, math.nan])
 
 
@@ -177,10 +178,13 @@ def test_wrong_tracking():
               np.ones(count - 1), np.ones(count - 1))
     # Of eight frames after the first: overlaps of 1/19 and 0, and two with the target absent.
     assert score(run, truth)['wrong_tracking'] == 4 / 8
-    for index in range(1, count):
-        found = Box(*boxes[index]) if measured[index] else None
-        true = None if np.isnan(truth[index]).any() else Box(*truth[index])
-        assert metrics.wrongly_measured(found, true) == (index in (2, 5, 6, 8))
+    # A stream has no box where none is measured; it's judged by the same measure.
+    score_of_stream = StreamScore({index: None if np.isnan(row).any() else Box(*row)
+                                   for index, row in enumerate(truth)})
+    for index in range(count):
+        score_of_stream.add(index, Box(*boxes[index]) if measured[index] else None,
+                            given=index == 0)
+    assert score_of_stream.figures()['wrong_tracking'] == 4 / 8
     honest = Run(boxes, run.covariances, run.confidences, measured & False, run.wall_ms,
                  run.cpu_ms)
     assert score(honest, truth)['wrong_tracking'] == 0

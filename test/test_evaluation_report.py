@@ -1,19 +1,16 @@
-"""The page, the charts and the moments."""
+"""The page, its charts and its pictures."""
 
 from html.parser import HTMLParser
-import math
-from xml.etree import ElementTree
+import re
 
 from evaluation_material import write_sequence
 import numpy as np
-import pytest
 
 from vtrack_ros.evaluation import evaluate
-from vtrack_ros.evaluation.charts import bar_chart, Curve, line_chart, thinned, ticks
-from vtrack_ros.evaluation.moments import worst_moments
-from vtrack_ros.evaluation.report_html import html_page
+from vtrack_ros.evaluation.report import html_page
 from vtrack_ros.evaluation.results import Problem
-from vtrack_ros.evaluation.running import Run
+from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.evaluation.worst_frames import worst_frames
 
 VOID = {'meta', 'br', 'img', 'link', 'input'}
 
@@ -61,13 +58,18 @@ def test_page_is_whole_and_refers_to_nothing(tmp_path):
     text = html_page(results)
     page = Page(text)
     assert page.open == []
-    assert page.references and all(one.startswith('data:image/jpeg') for one in page.references)
-    assert '@import' not in text and 'url(' not in text and 'script' not in page.tags
+    assert any(one.startswith('data:image/jpeg') for one in page.references)
+    assert all(one.startswith(('data:image/jpeg', '#')) for one in page.references)
+    assert set(re.findall(r'url\(.', text)) <= {'url(#'}
+    assert '@import' not in text and 'script' not in page.tags
+    for words in ('Success and precision', 'AUC by sequence', 'centre error [px]', 'overlap',
+                  'Where is it?', '<title>Some &amp; &lt;such&gt;, pf: ', '<title>gmpf</title>'):
+        assert words in text
     assert 'Torn: no images' in text
     assert 'Some &amp; &lt;such&gt;' in text and '<such>' not in text
 
 
-def test_worst_moments():
+def test_worst_frames():
     """The start of the longest loss first, then the least overlap; near ones count once."""
     truth = np.tile([50.0, 50, 20, 20], (100, 1))
     lost = truth.copy()
@@ -76,36 +78,7 @@ def test_worst_moments():
     weak = truth.copy()
     weak[70, 0] += 8
     runs = {'weak': boxes_run(weak), 'lost': boxes_run(lost)}
-    assert [(moment.index, moment.tracker) for moment in worst_moments(runs, truth)] == [
+    assert [(frame.index, frame.tracker) for frame in worst_frames(runs, truth)] == [
         (10, 'lost'), (40, 'lost'), (70, 'weak')]
-    assert [(moment.index, moment.tracker) for moment in worst_moments(runs, truth, 2)] == [
+    assert [(frame.index, frame.tracker) for frame in worst_frames(runs, truth, 2)] == [
         (40, 'lost'), (70, 'weak')]
-
-
-@pytest.mark.parametrize(('low', 'high', 'expected'), [
-    (0, 1, [0, 0.2, 0.4, 0.6, 0.8, 1]), (0, 50, [0, 10, 20, 30, 40, 50]), (3, 3, [3])])
-def test_ticks(low, high, expected):
-    """Ticks are round numbers."""
-    assert ticks(low, high) == pytest.approx(expected)
-
-
-def test_thinned_curve_keeps_the_peaks():
-    """A peak of a single frame survives."""
-    y = np.zeros(5000)
-    y[3333] = 7
-    x, thin = thinned(np.arange(5000.0), y, 100)
-    assert len(x) == len(thin) == 100
-    assert thin.max() == 7 and x[thin.argmax()] == 3333
-
-
-def test_charts_are_well_formed():
-    """A gap breaks a line in two; a bar without a value is left out."""
-    x = np.arange(5.0)
-    text = line_chart([Curve('a & b', '#123', x, np.array([1, 2, math.nan, 3, 4]))], 'x', 'y',
-                      shaded=[(1, 2)])
-    root = ElementTree.fromstring(text)
-    [line] = [path for path in root.iter('path') if path.get('class') == 'line']
-    assert line.get('d').count('M') == 2
-    bars = ElementTree.fromstring(bar_chart(
-        {'one': {'a': (0.5, 0.1), 'b': (math.nan, math.nan)}}, {'a': '#111', 'b': '#222'}))
-    assert [bar.get('fill') for bar in bars.iter('rect')] == ['#111']

@@ -11,17 +11,16 @@ from evaluation_material import DeadlySequence, picture, truth_of, write_sequenc
 import numpy as np
 import pytest
 
-from vtrack_ros.cli.main import main
+from vtrack_ros.cli.command_line import main
 from vtrack_ros.evaluation import (
-    evaluate, find_sequences, FolderSequence, parse_variant, parse_variants,
-    SequenceError)
+    evaluate, find_sequences, FolderSequence, parse_tracker, parse_trackers, SequenceError)
 from vtrack_ros.evaluation.cache import RunCache
-from vtrack_ros.evaluation.document import document
 from vtrack_ros.evaluation.peers import peer_names
-from vtrack_ros.evaluation.report_html import html_page
-from vtrack_ros.evaluation.running import run_tracker
+from vtrack_ros.evaluation.report import html_page
+from vtrack_ros.evaluation.results_json import as_json
+from vtrack_ros.evaluation.runner import run_tracker
 from vtrack_ros.evaluation.scoring import FIGURES
-from vtrack_ros.evaluation.source import source_files, source_hash
+from vtrack_ros.evaluation.source_hash import source_files, source_hash
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names
 
@@ -37,7 +36,7 @@ def folder(tmp_path):
 
 
 def untimed(content):
-    """Return a document without what depends on the clock."""
+    """Return results as JSON without what depends on the clock."""
     def stripped(scores):
         return {key: value for key, value in scores.items()
                 if key.removesuffix('_std') not in TIMED}
@@ -78,7 +77,7 @@ def test_processes_change_nothing(folder):
     trackers = ['pf', 'gmpf:particles=40']
     here = evaluate(trackers, folder, seeds=2, jobs=0)
     there = evaluate(trackers, folder, seeds=2, jobs=2)
-    assert untimed(document(here)) == untimed(document(there))
+    assert untimed(as_json(here)) == untimed(as_json(there))
     assert list(here.summary) == trackers
     assert list(here.by_sequence) == ['First', 'Second']
     for tracker in trackers:
@@ -98,7 +97,7 @@ def test_death_of_a_process_is_reported(folder):
     """When a process dies, its runs are problems, and the evaluation comes to its end."""
     [first, _] = find_sequences(folder)[0]
     deadly = DeadlySequence('Deadly', first.truth, first.images)
-    results = evaluate(['pf'], [deadly], jobs=1)
+    results = evaluate(['pf'], [deadly], jobs=2)
     assert [problem.sequence for problem in results.problems] == ['Deadly']
     assert 'died' in results.problems[0].text
     assert results.summary == {}
@@ -156,7 +155,7 @@ def test_cache_runs_only_what_changed(folder, tmp_path):
 
     def cached(tracker='pf', seeds=1):
         results = evaluate([tracker], folder, seeds=seeds, jobs=0, cache=cache)
-        return document(results), {
+        return as_json(results), {
             (name, seed): run.cached for name in results.sequences
             for seed, run in results.runs(name, tracker).items()}
 
@@ -178,7 +177,7 @@ def test_torn_cache_entry_is_run_again(folder, tmp_path):
     """A file that can't be read is as good as none."""
     cache = RunCache(tmp_path / 'cache')
     evaluate(['pf'], folder, jobs=0, cache=cache)
-    for path in (tmp_path / 'cache').rglob('*.npz'):
+    for path in (tmp_path / 'cache').rglob('output.pkl'):
         path.write_bytes(path.read_bytes()[:100])
     results = evaluate(['pf'], folder, jobs=0, cache=cache)
     assert results.timings == 'measured'
@@ -199,19 +198,19 @@ def test_source_of_a_tracker():
     assert {'vtrack_ros.tracker', 'vtrack_ros.parameters',
             'vtrack_ros.geometry.box'} <= set(files)
     assert 'vtrack_ros.trackers.registry' not in files
-    assert 'vtrack_ros.tracker' in source_files('vtrack_ros.evaluation.running')
+    assert 'vtrack_ros.tracker' in source_files('vtrack_ros.evaluation.runner')
     assert source_hash('vtrack_ros.tracker') != source_hash('vtrack_ros.parameters')
     with pytest.raises(ModuleNotFoundError, match='vtrack_ros.nowhere'):
         source_files('vtrack_ros.nowhere')
 
 
-def test_variants():
+def test_specifications():
     """A list of names with parameters; a part with = belongs to the tracker before it."""
-    found = parse_variants('pf, gmpf:particles=40,sigma=0.2 ,pf')
-    assert [variant.label for variant in found] == ['pf', 'gmpf:particles=40,sigma=0.2']
+    found = parse_trackers('pf, gmpf:particles=40,sigma=0.2 ,pf')
+    assert [tracker.label for tracker in found] == ['pf', 'gmpf:particles=40,sigma=0.2']
     assert found[1].parameters == (('particles', 40), ('sigma', 0.2))
     assert found[1].create(0).parameters['particles'] == 40
-    assert [variant.name for variant in parse_variants('all')] == list(tracker_names())
+    assert [tracker.name for tracker in parse_trackers('all')] == list(tracker_names())
 
 
 @pytest.mark.parametrize(('text', 'message'), [
@@ -222,10 +221,10 @@ def test_variants():
     ('pf:particles', 'expected parameter=value'),
     ('pf:particles=0', 'particles must be an integer from'),
 ])
-def test_wrong_variants(text, message):
+def test_wrong_specifications(text, message):
     """What is wrong is said, and what is valid."""
     with pytest.raises(ValueError, match=message):
-        parse_variants(text)
+        parse_trackers(text)
 
 
 @pytest.mark.parametrize('name', peer_names())
@@ -233,7 +232,7 @@ def test_peers(name, folder):
     """Trackers of OpenCV run in the same harness; those that draw nothing run once."""
     results = evaluate([name], folder, seeds=2, jobs=0)
     assert not results.problems
-    once = parse_variant(name).deterministic
+    once = parse_tracker(name).deterministic
     assert list(results.runs('First', name)) == ([0] if once else [0, 1])
     assert math.isnan(results.summary[name]['coverage90'])
     assert results.summary[name]['auc'] > 0.3
@@ -355,5 +354,5 @@ def test_a_seed_that_failed_on_one_sequence(folder, tmp_path):
     assert list(results.runs('Second', 'pf')) == [0]
     each = [results.scores[name]['pf'][0]['auc'] for name in ('First', 'Second')]
     assert results.summary['pf']['auc'] == pytest.approx(np.mean(each))
-    assert json.loads(json.dumps(document(results)))['summary']['pf']['auc'] is not None
+    assert json.loads(json.dumps(as_json(results)))['summary']['pf']['auc'] is not None
     assert 'not an image' in html_page(results)

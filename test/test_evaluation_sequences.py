@@ -7,8 +7,9 @@ from evaluation_material import picture, truth_of, write_sequence, write_truth
 import numpy as np
 import pytest
 
-from vtrack_ros.evaluation.sequences import (
-    find_sequences, read_folder, read_truth, SequenceError, uniquely_named)
+from vtrack_ros.bags.image_folder import read_ground_truth
+from vtrack_ros.evaluation import find_sequences, SequenceError
+from vtrack_ros.evaluation.sequences import read_folder, uniquely_named
 from vtrack_ros.geometry import Box
 
 
@@ -38,10 +39,8 @@ def test_second_ground_truth_is_a_second_target(tmp_path):
 def test_absent_targets_and_separators(tmp_path):
     """Commas, blanks and semicolons separate; NaN and boxes without area mean absent."""
     write_truth(tmp_path, ['1,2,3,4', '1 2\t3 4', '1;2;3;4', 'NaN,NaN,NaN,NaN', '0,0,0,0', ''])
-    truth = read_truth(tmp_path / 'groundtruth_rect.txt')
-    assert truth.shape == (5, 4)
-    np.testing.assert_array_equal(truth[:3], [(1, 2, 3, 4)] * 3)
-    assert np.isnan(truth[3:]).all()
+    truth = read_ground_truth(tmp_path / 'groundtruth_rect.txt')
+    assert truth == [Box(1, 2, 3, 4)] * 3 + [None] * 2
 
 
 @pytest.mark.parametrize(('rows', 'message'), [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 import math
 from pathlib import Path
 from types import TracebackType
@@ -37,7 +37,7 @@ _SHEET, _TRAIL = 16, 60
 _RADIUS = math.sqrt(-2 * math.log(0.1))
 
 
-class Canvas:
+class AnnotatedFrame:
     """
     A picture of a frame, enlarged until it can be read, to draw on in pixels of the frame.
 
@@ -84,10 +84,10 @@ class Canvas:
             cv2.circle(self.picture, (int(x), int(y)), 1 << _BITS, PARTICLE, -1,
                        cv2.LINE_AA, _BITS)
 
-    def trail(self, centers: Sequence[tuple[float, float]]) -> None:
+    def trail(self, centers: Collection[tuple[float, float]]) -> None:
         """Draw the way that the target took."""
         if len(centers) > 1:
-            self._lines(np.array(centers), TRAIL, 1, closed=False)
+            self._lines(np.array(list(centers)), TRAIL, 1, closed=False)
 
     def text(self, text: str, colour: tuple[int, int, int] = TRUTH) -> None:
         """Write a line into the top left corner."""
@@ -98,14 +98,15 @@ class Canvas:
                         1, cv2.LINE_AA)
 
     def estimate(self, estimate: Estimate) -> None:
-        """Draw all that a tracker knows."""
+        """Draw all that is known of a target."""
         colour = STATES[estimate.state]
         if estimate.particles is not None and len(estimate.particles):
             self.particles(estimate.particles)
         if estimate.affine is not None:
             self.affine(estimate.affine, colour)
         self.box(estimate.box, colour, 2 if estimate.measured else 1)
-        self.ellipse(estimate.box, estimate.covariance, colour)
+        if np.isfinite(estimate.covariance[:2, :2]).all():
+            self.ellipse(estimate.box, estimate.covariance, colour)
 
     def _fixed(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
         # A box may lie anywhere: beyond these bounds OpenCV's integers would overflow.
@@ -190,28 +191,41 @@ class Film:
                 str(sheet), contact_sheet(self._sheet)):
             raise OSError(f'cannot write the picture {sheet}')
 
-    def add(self, canvas: Canvas, text: str, center: tuple[float, float] | None = None,
-            colour: tuple[int, int, int] = TRUTH) -> None:
+    def add(self, frame: Frame, text: str, *, truth: Box | None = None,
+            estimate: Estimate | None = None,
+            particles: NDArray[np.float64] | None = None) -> None:
         """
-        Append a frame, with the trail and a line of text drawn over it.
+        Append a frame, with all that is known of it drawn over it.
 
         Parameters
         ----------
-        canvas : Canvas
-            The frame and what is drawn on it already.
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The image.
         text : str
             Stands behind the frame's number.
-        center : tuple of float, optional
-            Where the target is measured, which goes on the trail.
-        colour : tuple of int
-            Of the text.
+        truth : Box, optional
+            The true box.
+        estimate : Estimate, optional
+            What a tracker knows; where it's measured, its centre goes on the trail.
+        particles : ndarray, shape (N, >= 2), optional
+            Centres of particles that aren't in the estimate.
 
         """
-        if center is not None:
-            self._trail.append(center)
-        canvas.trail(list(self._trail))
-        canvas.text(f'{self._index}  {text}', colour)
-        picture = canvas.picture
+        picture = AnnotatedFrame(frame)
+        if particles is not None:
+            picture.particles(particles)
+        if truth is not None:
+            picture.box(truth, TRUTH, 1)
+        if estimate is not None:
+            picture.estimate(estimate)
+            if estimate.measured:
+                self._trail.append(estimate.box.center)
+        picture.trail(self._trail)
+        picture.text(f'{self._index}  {text}')
+        self._write(picture.picture)
+        self._index += 1
+
+    def _write(self, picture: Frame) -> None:
         if self._writer is None:
             self._size = picture.shape[1], picture.shape[0]
             code = cv2.VideoWriter.fourcc(*'mp4v')
@@ -223,4 +237,3 @@ class Film:
         self._writer.write(picture)
         if self._index in self._chosen:
             self._sheet.append(picture)
-        self._index += 1

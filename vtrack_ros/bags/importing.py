@@ -11,14 +11,10 @@ import cv2
 import numpy as np
 
 from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.image_folder import (
+    GROUND_TRUTH, image_files, read_ground_truth, read_image)
 from vtrack_ros.bags.recording import Truth
-from vtrack_ros.evaluation.sequences import (
-    image_files, read_image, read_truth, SequenceError)
 from vtrack_ros.frame import Frame
-from vtrack_ros.geometry import Box
-
-#: What a sequence's folder calls its truth.
-TRUTH_NAME = 'groundtruth_rect.txt'
 
 
 @dataclass(frozen=True)
@@ -55,14 +51,13 @@ class Source:
 
         Raises
         ------
-        BagError
+        SequenceError
             If one can't be decoded or has another size, or there are more or fewer than the truth
             has rows.
 
         """
-        decoded = _decoded(self.images) if self.images else _video_frames(self.path)
         count = 0
-        for frame in decoded:
+        for frame in _decoded(self.images) if self.images else _video_frames(self.path):
             count += 1
             if self.truth is not None and count > len(self.truth):
                 raise BagError(f'{self.path} has more frames than the {len(self.truth)} rows of '
@@ -74,7 +69,7 @@ class Source:
 
 def open_source(path: Path, truth: Path | None = None, without_truth: bool = False) -> Source:
     """
-    Look at an image folder or a video file.
+    Open an image folder or a video file.
 
     Parameters
     ----------
@@ -87,7 +82,7 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
 
     Raises
     ------
-    BagError, ValueError
+    SequenceError
         If there is nothing that can be read, or the truth doesn't fit.
 
     """
@@ -99,27 +94,23 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     rate = None
     if path.is_dir():
         images = image_files(path)
-        truth = truth or next((place for place in (path / TRUTH_NAME, path.parent / TRUTH_NAME)
-                               if place.is_file()), None)
+        places = (path / f'{GROUND_TRUTH}.txt', path.parent / f'{GROUND_TRUTH}.txt')
+        truth = truth or next((place for place in places if place.is_file()), None)
     else:
         rate = _video_rate(path)
-    boxes = None
-    if truth is not None and not without_truth:
-        rows = read_truth(truth)
-        boxes = tuple(None if np.isnan(row).any() else Box(*row) for row in rows)
-        if images and len(boxes) != len(images):
-            raise BagError(f'{truth} has {len(boxes)} rows, but {path} {len(images)} images; give '
-                           'another --truth FILE, or --no-truth')
+    if truth is None or without_truth:
+        return Source(path, images, None, rate)
+    boxes = tuple(read_ground_truth(truth))
+    if images and len(boxes) != len(images):
+        raise BagError(f'{truth} has {len(boxes)} rows, but {path} {len(images)} images; give '
+                       'another --truth FILE, or --no-truth')
     return Source(path, images, boxes, rate)
 
 
 def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:
     size = None
     for path in images:
-        try:
-            frame = read_image(path)
-        except SequenceError as error:
-            raise BagError(str(error)) from None
+        frame = read_image(path)
         size = size or frame.shape
         if frame.shape != size:
             height, width = frame.shape[:2]
@@ -130,22 +121,16 @@ def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:
 
 def _video_rate(path: Path) -> float | None:
     capture = cv2.VideoCapture(str(path))
-    try:
-        if not capture.isOpened():
-            raise BagError(f'{path} is neither a folder of images nor a video that can be read')
-        rate = float(capture.get(cv2.CAP_PROP_FPS))
-        return rate if math.isfinite(rate) and 0 < rate <= 1000 else None
-    finally:
-        capture.release()
+    if not capture.isOpened():
+        raise BagError(f'{path} is neither a folder of images nor a video that can be read')
+    rate = float(capture.get(cv2.CAP_PROP_FPS))
+    return rate if math.isfinite(rate) and 0 < rate <= 1000 else None
 
 
 def _video_frames(path: Path) -> Iterator[Frame]:
     capture = cv2.VideoCapture(str(path))
-    try:
-        while True:
-            found, frame = capture.read()
-            if not found:
-                return
-            yield np.asarray(frame, np.uint8)
-    finally:
-        capture.release()
+    while True:
+        found, frame = capture.read()
+        if not found:
+            return
+        yield np.asarray(frame, np.uint8)

@@ -114,14 +114,16 @@ class BagReader:
 
     @property
     def topics(self) -> dict[str, Topic]:
-        """Return the topics by name."""
+        """Return the topics by name, which begins with a slash even if it was recorded without."""
         found: dict[str, Topic] = {}
         for connection in self._reader.connections:
-            earlier = found.get(connection.topic)
+            # ROS 1 records relative names as they are; to play them is to resolve them.
+            name = absolute(connection.topic)
+            earlier = found.get(name)
             count = connection.msgcount + (earlier.count if earlier else 0)
             profiles = _profiles(connection)
-            found[connection.topic] = Topic(
-                connection.topic, connection.msgtype, count,
+            found[name] = Topic(
+                name, connection.msgtype, count,
                 all(one.reliability is not QosReliability.BEST_EFFORT for one in profiles),
                 any(one.durability is QosDurability.TRANSIENT_LOCAL for one in profiles))
         return found
@@ -175,8 +177,10 @@ class BagReader:
             If the bag is broken, or ends before all promised messages came.
 
         """
+        wanted = None if topics is None else set(map(absolute, topics))
         chosen = [connection for connection in self._reader.connections
-                  if (topics is None or connection.topic in topics) and self._known(connection)]
+                  if (wanted is None or absolute(connection.topic) in wanted)
+                  and self._known(connection)]
         if not chosen:
             return
         promised = sum(connection.msgcount for connection in chosen)
@@ -194,7 +198,7 @@ class BagReader:
                 # The storages raise what they like, and nothing but a storage runs here.
                 raise self._broken(error, f'after {count} messages') from error
             count += 1
-            yield RawMessage(connection.topic, connection.msgtype, received, data)
+            yield RawMessage(absolute(connection.topic), connection.msgtype, received, data)
         if count < promised:
             raise BagError(f'{self.path} is truncated: {promised} messages were recorded, but '
                            f'only {count} are there')
@@ -246,7 +250,7 @@ class BagReader:
         It comes from the topic, or else from the CSV beside the bag; empty where there's neither.
 
         """
-        known = self.topics.get(topic)
+        known = self.topics.get(absolute(topic))
         if known is not None and known.message_type == messages.DETECTIONS:
             truth = {}
             for raw in self.raw({topic}):

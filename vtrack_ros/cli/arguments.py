@@ -3,23 +3,9 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
-from collections.abc import Sequence
 import math
-import re
 
 from vtrack_ros.geometry import Box
-
-
-def negative_values(words: Sequence[str]) -> list[str]:
-    """Return a command line in which `--init -10,2,30,30` is `--init=-10,2,30,30`."""
-    # argparse takes what begins with - for an option, unless it's a plain number.
-    joined: list[str] = []
-    for word in words:
-        if joined and re.fullmatch('--[a-z-]+', joined[-1]) and re.match(r'-\.?\d', word):
-            joined[-1] += '=' + word
-        else:
-            joined.append(word)
-    return joined
 
 
 def positive_integer(text: str) -> int:

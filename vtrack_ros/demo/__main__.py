@@ -5,7 +5,7 @@ import sys
 if __name__ == '__main__':
     try:
         # It takes a second to load, in which one may think better of it.
-        from vtrack_ros.demo.main import main
+        from vtrack_ros.demo.demonstration import main
         code = main()
     except KeyboardInterrupt:
         code = 130

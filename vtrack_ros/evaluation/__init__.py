@@ -1,11 +1,13 @@
 """The measuring instrument: trackers over sequences with truth, in figures."""
 
-from vtrack_ros.evaluation.evaluating import evaluate
+from vtrack_ros.bags.errors import SequenceError
+from vtrack_ros.evaluation.evaluator import evaluate
 from vtrack_ros.evaluation.results import Results
-from vtrack_ros.evaluation.sequences import find_sequences, FolderSequence, Sequence, SequenceError
-from vtrack_ros.evaluation.variants import parse_variant, parse_variants, TrackerVariant
+from vtrack_ros.evaluation.sequences import find_sequences, FolderSequence, Sequence
+from vtrack_ros.evaluation.tracker_specification import (
+    parse_tracker, parse_trackers, TrackerSpecification)
 
 __all__ = [
-    'FolderSequence', 'Results', 'Sequence', 'SequenceError', 'TrackerVariant',
-    'evaluate', 'find_sequences', 'parse_variant', 'parse_variants',
+    'FolderSequence', 'Results', 'Sequence', 'SequenceError', 'TrackerSpecification',
+    'evaluate', 'find_sequences', 'parse_tracker', 'parse_trackers',
 ]

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.evaluation.sequences import Sequence, SequenceError
+from vtrack_ros.bags import BagReader, SequenceError
+from vtrack_ros.evaluation.metrics import truth_rows
+from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.frame import Frame
 from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
@@ -29,7 +31,7 @@ class BagSequence(Sequence):
     first : int
         How many images come before the first true box.
     intervals : ndarray, shape (n,)
-        The time since the image before, in frame intervals.
+        The time since the image before, in frame intervals: more than 1 where some dropped.
 
     """
 
@@ -45,19 +47,15 @@ class BagSequence(Sequence):
 
     @property
     def steps(self) -> NDArray[np.float64]:
-        """Return the time since the image before, in frame intervals: more where some dropped."""
+        """Return the intervals."""
         return self.intervals
 
     def frames(self) -> Iterable[Frame]:
         """Decode the images; errors as the base class."""
-        from vtrack_ros.bags import BagError, BagReader
-        try:
-            with BagReader(self.path) as bag:
-                for index, stamped in enumerate(bag.frames(self.topic)):
-                    if index >= self.first:
-                        yield stamped.frame
-        except BagError as error:
-            raise SequenceError(str(error)) from None
+        with BagReader(self.path) as bag:
+            for index, stamped in enumerate(bag.frames(self.topic)):
+                if index >= self.first:
+                    yield stamped.frame
 
     def fingerprint(self) -> str:
         """Return a hash of topic, truth and every file's content."""
@@ -86,19 +84,13 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     ------
     SequenceError
         If the bag can't be read, or has no truth for an image after the first that has.
-    ModuleNotFoundError
-        If rosbags isn't installed.
 
     """
-    from vtrack_ros.bags import BagError, BagReader
     path = Path(path)
-    try:
-        with BagReader(path) as bag:
-            name = bag.image_topic(topic).name
-            boxes = bag.truth()
-            stamps = [stamped.stamp for stamped in bag.frames(name)]
-    except BagError as error:
-        raise SequenceError(str(error)) from None
+    with BagReader(path) as bag:
+        name = bag.image_topic(topic).name
+        boxes = bag.truth()
+        stamps = [stamped.stamp for stamped in bag.frames(name)]
     if not boxes:
         raise SequenceError(f'{path}: the bag has no truth, neither as a topic nor as a CSV')
     first = next((index for index, stamp in enumerate(stamps)
@@ -110,9 +102,8 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     if unknown:
         raise SequenceError(f'{path}: {unknown} of {len(stamps)} images have no truth; a target '
                             'that is absent has a row of NaN')
-    rows = [boxes[stamp] for stamp in stamps]
-    truth = np.array([np.full(4, np.nan) if box is None else box.as_array() for box in rows])
     estimator = FrameIntervalEstimator()
     intervals = [1.0, *(estimator.step(after - before)
                         for before, after in zip(stamps, stamps[1:]))]
-    return BagSequence(path.resolve().stem, truth, path, name, first, np.array(intervals))
+    return BagSequence(path.resolve().stem, truth_rows(boxes[stamp] for stamp in stamps), path,
+                       name, first, np.array(intervals))

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 import hashlib
 import json
 import os
 from pathlib import Path
-import tempfile
 from typing import Any
-import zipfile
 
 import cv2
 import numpy as np
 
-from vtrack_ros.evaluation.running import Run
-from vtrack_ros.evaluation.source import source_hash
-from vtrack_ros.evaluation.variants import TrackerVariant
+from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.evaluation.source_hash import source_hash
+from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 
-_HARNESS = 'vtrack_ros.evaluation.running'
+_RUNNER = 'vtrack_ros.evaluation.runner'
 
 
 def default_folder() -> Path:
@@ -26,7 +26,7 @@ def default_folder() -> Path:
     return Path(base) / 'vtrack_ros' / 'runs'
 
 
-def run_key(variant: TrackerVariant, fingerprint: str, seed: int) -> str:
+def run_key(tracker: TrackerSpecification, fingerprint: str, seed: int) -> str:
     """
     Return the hash of all that a run depends on.
 
@@ -34,9 +34,9 @@ def run_key(variant: TrackerVariant, fingerprint: str, seed: int) -> str:
     content, the seed, and the versions of NumPy and OpenCV.
     """
     parts = {
-        'tracker': variant.name,
-        'parameters': {**variant.tracker_class.PARAMETERS.defaults(), **dict(variant.parameters)},
-        'source': source_hash(variant.tracker_class.__module__, _HARNESS),
+        'tracker': tracker.name,
+        'parameters': {**tracker.tracker_class.PARAMETERS.defaults(), **dict(tracker.parameters)},
+        'source': source_hash(tracker.tracker_class.__module__, _RUNNER),
         'sequence': fingerprint,
         'seed': seed,
         'numpy': np.__version__,
@@ -46,39 +46,28 @@ def run_key(variant: TrackerVariant, fingerprint: str, seed: int) -> str:
 
 
 class RunCache:
-    """
-    A folder of runs by key.
-
-    Parameters
-    ----------
-    folder : Path
-        Made where it isn't there.
-
-    """
+    """A folder of runs by key, kept by joblib; made where it isn't there."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        from joblib import Memory
+        self._kept: Any = Memory(folder, verbose=0).cache(_made, ignore=['make'])
 
     def get(self, key: str) -> Run | None:
-        """Return the run of that key, marked as cached; None where there's none."""
-        path = self._path(key)
+        """Return the run of that key, marked as cached; None where none can be read."""
         try:
-            with np.load(path, allow_pickle=False) as arrays:
-                return Run(**arrays, cached=True)
-        except FileNotFoundError:
-            return None
-        except (EOFError, OSError, TypeError, ValueError, zipfile.BadZipFile):
-            # Whatever can't be read is run again and overwritten.
+            run: Run = self._kept(key, _missing)
+            return replace(run, cached=True)
+        except LookupError:
             return None
 
     def put(self, key: str, run: Run) -> None:
-        """Keep a run; it appears whole or not at all."""
-        path = self._path(key)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            arrays: dict[str, Any] = run.arrays()
-            np.savez_compressed(file, **arrays)
-        os.replace(file.name, path)
+        """Keep a run."""
+        self._kept(key, lambda: run)
 
-    def _path(self, key: str) -> Path:
-        return self.folder / key[:2] / f'{key}.npz'
+
+def _made(key: str, make: Callable[[], Run]) -> Run:
+    return make()
+
+
+def _missing() -> Run:
+    raise LookupError

@@ -6,6 +6,7 @@ from datetime import datetime, UTC
 import os
 from pathlib import Path
 import platform
+import re
 
 import cv2
 import numpy as np
@@ -15,9 +16,13 @@ from vtrack_ros import __version__
 
 def environment() -> dict[str, str | int]:
     """Return machine, versions and date, for the head of a table of measurements."""
+    try:
+        named = re.search(r'^model name\s*:\s*(.*)$', Path('/proc/cpuinfo').read_text(), re.M)
+    except OSError:
+        named = None
     return {
         'date': datetime.now(UTC).isoformat(timespec='seconds'),
-        'processor': _processor(),
+        'processor': named[1].strip() if named else platform.processor() or 'unknown',
         'cores': os.cpu_count() or 1,
         'system': f'{platform.system()} {platform.machine()}',
         'python': platform.python_version(),
@@ -25,15 +30,3 @@ def environment() -> dict[str, str | int]:
         'opencv': cv2.__version__,
         'vtrack_ros': __version__,
     }
-
-
-def _processor() -> str:
-    try:
-        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
-    except OSError:
-        lines = []
-    for line in lines:
-        key, _, value = line.partition(':')
-        if key.strip() == 'model name':
-            return value.strip()
-    return platform.processor() or 'unknown'

@@ -9,6 +9,7 @@ counts as in the one-pass evaluation of OTB [Wu2013].
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,12 @@ NORMALISED_THRESHOLDS: FloatArray = np.linspace(0.0, 0.5, 51)
 ON_TARGET = 0.5
 #: An overlap below this is off the target.
 OFF_TARGET = 0.1
+
+
+def truth_rows(boxes: Iterable[Box | None]) -> FloatArray:
+    """Return boxes as rows of an array, NaN for None."""
+    rows = [np.full(4, np.nan) if box is None else box.as_array() for box in boxes]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
 def checked_boxes(boxes: ArrayLike, name: str = 'boxes') -> FloatArray:
@@ -178,11 +185,6 @@ def on_target(overlap: FloatArray) -> BoolArray:
 def off_target(overlap: FloatArray) -> BoolArray:
     """Return where the box is off the target, or the target absent."""
     return np.nan_to_num(overlap, nan=0.0) < OFF_TARGET
-
-
-def wrongly_measured(found: Box | None, truth: Box | None) -> bool:
-    """Return whether a box was measured (not None) off the target, or with it absent (None)."""
-    return found is not None and (truth is None or found.iou(truth) < OFF_TARGET)
 
 
 def stretches(mask: BoolArray) -> list[tuple[int, int]]:

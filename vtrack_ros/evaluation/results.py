@@ -6,10 +6,11 @@ from collections.abc import Sequence as Ordered
 from dataclasses import dataclass
 from functools import cached_property
 
-from vtrack_ros.evaluation.running import Run
-from vtrack_ros.evaluation.scoring import evidence, over_seeds, over_sequences, score, with_index
+from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.evaluation.scoring import (
+    confidences, over_seeds, over_sequences, score, with_index)
 from vtrack_ros.evaluation.sequences import Sequence
-from vtrack_ros.evaluation.variants import TrackerVariant
+from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 
 #: Figures by key, with `KEY_std` for each.
 Scores = dict[str, float]
@@ -47,15 +48,15 @@ class Results:
     Parameters
     ----------
     sequences : sequence of Sequence
-    variants : sequence of TrackerVariant
+    trackers : sequence of TrackerSpecification
     seeds : tuple of int
 
     """
 
-    def __init__(self, sequences: Ordered[Sequence], variants: Ordered[TrackerVariant],
+    def __init__(self, sequences: Ordered[Sequence], trackers: Ordered[TrackerSpecification],
                  seeds: tuple[int, ...]) -> None:
         self.sequences = {sequence.name: sequence for sequence in sequences}
-        self.variants = {variant.label: variant for variant in variants}
+        self.trackers = {tracker.label: tracker for tracker in trackers}
         self.seeds = seeds
         self.problems: list[Problem] = []
         self._runs: dict[tuple[str, str], dict[int, Run]] = {}
@@ -68,7 +69,7 @@ class Results:
         """Bring everything into an order that doesn't depend on which process was faster."""
         self.problems.sort(key=lambda problem: (problem.sequence, problem.tracker))
         self._runs = {(sequence, tracker): self._runs[sequence, tracker]
-                      for sequence in self.sequences for tracker in self.variants
+                      for sequence in self.sequences for tracker in self.trackers
                       if (sequence, tracker) in self._runs}
 
     def runs(self, sequence: str, tracker: str) -> dict[int, Run]:
@@ -105,7 +106,7 @@ class Results:
         Of the seeds that ran on all of these sequences; a tracker without such a seed isn't in.
         """
         result = {}
-        for tracker in self.variants:
+        for tracker in self.trackers:
             ran = [name for name in self.sequences if self.runs(name, tracker)]
             seeds = [seed for seed in self.seeds
                      if all(seed in self.runs(name, tracker) for name in ran)]
@@ -114,7 +115,7 @@ class Results:
             result[tracker] = {
                 seed: over_sequences(
                     (self.scores[name][tracker][seed] for name in ran),
-                    (evidence(self.runs(name, tracker)[seed], self.sequences[name].truth)
+                    (confidences(self.runs(name, tracker)[seed], self.sequences[name].truth)
                      for name in ran))
                 for seed in seeds}
         return {tracker: over_seeds(by_seed.values())

@@ -8,6 +8,7 @@ import hashlib
 
 import numpy as np
 
+from vtrack_ros.evaluation.metrics import truth_rows
 from vtrack_ros.evaluation.sequences import check_start, Sequence
 from vtrack_ros.frame import Frame
 from vtrack_ros.scenes import render
@@ -77,11 +78,11 @@ def scene_sequence(
 
     """
     digest = hashlib.sha256()
-    rows = []
+    boxes = []
     for shot in render(scene, size, frames, seed):
         digest.update(np.ascontiguousarray(shot.frame).tobytes())
-        rows.append(np.full(4, np.nan) if shot.truth is None else shot.truth.as_array())
-    truth = np.array(rows)
+        boxes.append(shot.truth)
+    truth = truth_rows(boxes)
     digest.update(truth.tobytes())
     if name is None:
         details = [f'{size[0]}x{size[1]}'] if size is not None else []

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.estimation import composite_index
-from vtrack_ros.evaluation import metrics, reporting
-from vtrack_ros.evaluation.running import Run
+from vtrack_ros.evaluation import calibration, metrics
+from vtrack_ros.evaluation.runner import Run
 
 
 @dataclass(frozen=True)
@@ -68,19 +68,19 @@ FIGURES = (
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Confidences:
     """What a run's confidence is judged by: its values on the target and off it."""
 
     on: NDArray[np.float64]
     off: NDArray[np.float64]
 
 
-def evidence(run: Run, truth: NDArray[np.float64]) -> Evidence:
+def confidences(run: Run, truth: NDArray[np.float64]) -> Confidences:
     """Return the confidences on and off the target; the first frame, which is given, is not in."""
     overlap = metrics.overlaps(run.boxes, truth)[1:]
     confidence = run.confidences[1:]
-    return Evidence(confidence[metrics.on_target(overlap)],
-                    confidence[metrics.off_target(overlap)])
+    return Confidences(confidence[metrics.on_target(overlap)],
+                       confidence[metrics.off_target(overlap)])
 
 
 def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
@@ -88,11 +88,11 @@ def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
     overlap = metrics.overlaps(run.boxes, truth)
     error = metrics.center_errors(run.boxes, truth)
     failed = metrics.failures(overlap)
-    lost = reporting.losses(overlap, ~run.measured)
-    returned = reporting.return_delays(overlap)
-    confidence = evidence(run, truth)
+    lost = calibration.losses(overlap, ~run.measured)
+    returned = calibration.return_delays(overlap)
+    confidence = confidences(run, truth)
     on = metrics.on_target(overlap)[1:]
-    inside = {probability: reporting.inside_ellipse(
+    inside = {probability: calibration.inside_ellipse(
         run.boxes, run.covariances, truth, probability)[1:][run.measured[1:]]
         for probability in (0.5, 0.9)}
     return {
@@ -104,7 +104,7 @@ def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
         'rmse_var': float(np.nanvar(error)),
         'failures': float(failed.count),
         'recovery_frames': mean(failed.recoveries),
-        'auroc': reporting.auroc(confidence.on, confidence.off),
+        'auroc': calibration.auroc(confidence.on, confidence.off),
         'losses': float(lost.count),
         'losses_reported': len(lost.delays) / lost.count if lost.count else math.nan,
         'report_frames': mean(lost.delays),
@@ -134,16 +134,16 @@ def over_seeds(scores: Iterable[Mapping[str, float]]) -> dict[str, float]:
 
 def over_sequences(
         scores: Iterable[Mapping[str, float]],
-        confidences: Iterable[Evidence]) -> dict[str, float]:
+        judged: Iterable[Confidences]) -> dict[str, float]:
     """
     Return the summary of one tracker and seed.
 
     Every figure is the mean over the sequences that have it, but for the AUROC: it is that of all
     sequences' frames together, since a threshold on the confidence has to serve everywhere.
     """
-    rows, pooled = list(scores), list(confidences)
+    rows, pooled = list(scores), list(judged)
     result = {key: mean([row[key] for row in rows]) for key in rows[0]}
-    result['auroc'] = reporting.auroc(
+    result['auroc'] = calibration.auroc(
         np.concatenate([one.on for one in pooled]), np.concatenate([one.off for one in pooled]))
     return result
 

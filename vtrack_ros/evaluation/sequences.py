@@ -7,21 +7,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 import hashlib
 from pathlib import Path
-import re
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.evaluation.metrics import present
+from vtrack_ros.bags.errors import SequenceError
+from vtrack_ros.bags.image_folder import (
+    GROUND_TRUTH, ground_truth_files, image_files, read_ground_truth, read_image)
+from vtrack_ros.evaluation.metrics import truth_rows
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-
-_IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm'})
-
-
-class SequenceError(ValueError):
-    """A sequence that can't be evaluated; the message says what is wrong and where."""
 
 
 @dataclass(frozen=True)
@@ -131,10 +126,13 @@ def read_folder(folder: Path) -> list[FolderSequence]:
 
     """
     images = image_files(folder)
+    files = ground_truth_files(folder)
+    if not files:
+        raise SequenceError(f'{folder}: no {GROUND_TRUTH}.txt')
     result = []
-    for path in truth_files(folder):
-        suffix = path.name.removeprefix('groundtruth_rect').removesuffix('.txt')
-        truth = read_truth(path)
+    for path in files:
+        suffix = path.name.removeprefix(GROUND_TRUTH).removesuffix('.txt')
+        truth = truth_rows(read_ground_truth(path))
         if len(truth) != len(images):
             raise SequenceError(
                 f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
@@ -143,91 +141,9 @@ def read_folder(folder: Path) -> list[FolderSequence]:
     return result
 
 
-def image_files(folder: Path) -> tuple[Path, ...]:
-    """
-    Return the image files of a sequence's folder, 2.png before 10.png.
-
-    Raises
-    ------
-    SequenceError
-        If there are none.
-
-    """
-    for place in (folder / 'img', folder):
-        if place.is_dir():
-            files = sorted((path for path in place.iterdir()
-                            if path.suffix.lower() in _IMAGE_SUFFIXES), key=_by_number)
-            if files:
-                return tuple(files)
-    raise SequenceError(f'{folder}: no images, neither in img/ nor in the folder itself')
-
-
-def read_image(path: Path) -> Frame:
-    """
-    Return an image file as a frame of shape (H, W, 3) in BGR order, grey ones too.
-
-    It's turned upright where the file says how the camera was held.
-
-    Raises
-    ------
-    SequenceError
-        If it can't be decoded.
-
-    """
-    data = np.fromfile(path, np.uint8)
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if image is None:
-        raise SequenceError(f'{path}: not an image that can be decoded')
-    return np.asarray(image, dtype=np.uint8)
-
-
-def truth_files(folder: Path) -> list[Path]:
-    """Return the ground truths of a sequence's folder; SequenceError where none are."""
-    files = sorted(folder.glob('groundtruth_rect*.txt'), key=lambda path: (len(path.name), path))
-    if not files:
-        raise SequenceError(f'{folder}: no groundtruth_rect.txt')
-    return files
-
-
-def read_truth(path: Path) -> NDArray[np.float64]:
-    """
-    Return the boxes of a ground truth, NaN where the target is absent.
-
-    Rows are x, y, width, height in pixels, 0-based, separated by commas, semicolons or blanks.
-
-    Raises
-    ------
-    SequenceError
-        If a row isn't four numbers.
-
-    """
-    rows = []
-    try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise SequenceError(f'{path}: {error}') from None
-    for number, line in enumerate(text.splitlines(), 1):
-        words = line.replace(',', ' ').replace(';', ' ').split()
-        if not words:
-            continue
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            values = []
-        if len(values) != 4:
-            raise SequenceError(
-                f'{path}:{number}: expected four numbers x,y,width,height, not {line.strip()!r}')
-        rows.append(values)
-    if not rows:
-        raise SequenceError(f'{path}: no boxes')
-    truth = np.array(rows)
-    truth[~present(truth)] = np.nan
-    return truth
-
-
 def check_start(truth: NDArray[np.float64], where: str) -> None:
     """Raise SequenceError unless the target is there in the first frame."""
-    if not present(truth)[0]:
+    if np.isnan(truth[0]).any():
         raise SequenceError(f'{where}: the first frame has no box to start a tracker on')
 
 
@@ -281,12 +197,5 @@ def uniquely_named(sequences: Iterable[Sequence]) -> list[Sequence]:
     return result
 
 
-def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Return a key that sorts 2.png before 10.png."""
-    parts = [(int(part), '') if part.isdecimal() else (-1, part)
-             for part in re.split(r'(\d+)', path.name)]
-    return parts, path.name
-
-
 def _like_a_sequence(folder: Path) -> bool:
-    return (folder / 'img').is_dir() or any(folder.glob('groundtruth_rect*.txt'))
+    return (folder / 'img').is_dir() or bool(ground_truth_files(folder))

@@ -1,131 +1,144 @@
-"""
-Records what a tracking node publishes, until it's told to end; a process of the demo.
-
-Writes a line to standard output when it's matched with the node (`ready`), and one for every frame
-that was answered (`frame`); the record itself goes into a JSON file at the end.
-"""
+"""Hears what a tracking node answers to every frame."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-import json
-from pathlib import Path
-import sys
+from dataclasses import dataclass
+import signal
 import time
 from typing import Any
 
-#: How many particles of a frame are kept, for the pictures.
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseArray
+import numpy as np
+from numpy.typing import NDArray
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from vision_msgs.msg import Detection2DArray
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.tracker import Estimate, TrackState
+
+#: How many particles of a frame are kept.
 KEPT_PARTICLES = 150
 
 
-class Record:
+@dataclass
+class Answer:
     """
-    What was heard, by the stamp of the image in nanoseconds.
+    What was heard about one image; None and 0 where nothing was.
+
+    Parameters
+    ----------
+    received : int, [ns]
+        When its detections came; 0 if they did not.
+    estimate : Estimate or None
+        The measured target, as its detection says.
+    particles : ndarray, shape (N, 2), [px]
+        Centres of the first `KEPT_PARTICLES` ones.
+    state : str
+        Of the tracker.
+    milliseconds : float
+        The tracker's own time.
+    sent : int, [ns]
+        When the image was published.
+
+    """
+
+    received: int = 0
+    estimate: Estimate | None = None
+    particles: NDArray[np.float64] | None = None
+    state: str | None = None
+    milliseconds: float | None = None
+    sent: int = 0
+
+    @property
+    def latency(self) -> float | None:
+        """Return the time from publishing the image to hearing its detections, [ms]."""
+        return (self.received - self.sent) / 1e6 if self.received and self.sent else None
+
+
+class Recorder:
+    """
+    A node that subscribes to another one's detections, state and particles; a context manager.
 
     Attributes
     ----------
-    frames : dict of int to dict
-        Stamp -> ``received_ns``, and where they were heard ``box``, ``particles``, ``state``,
-        ``ms_per_frame`` and ``latency_ms``.
+    answers : dict of int to Answer
+        By the stamp of the image in nanoseconds.
+    received : int
+        How many frames' detections came.
 
     """
 
     def __init__(self) -> None:
-        self.frames: dict[int, dict[str, Any]] = {}
+        self.answers: dict[int, Answer] = {}
+        self.received = 0
+        self._interrupted = False
 
-    def on_detections(self, message: Any) -> None:
-        """Take the answer to a frame."""
-        now = time.time_ns()
-        row = self._row(message.header.stamp)
-        row['received_ns'] = now
-        for detection in message.detections[:1]:
-            bounds = detection.bbox
-            row['box'] = [bounds.center.position.x - bounds.size_x / 2,
-                          bounds.center.position.y - bounds.size_y / 2,
-                          bounds.size_x, bounds.size_y]
-        print('frame', flush=True)
-
-    def on_particles(self, message: Any) -> None:
-        """Take the particles of a frame."""
-        self._row(message.header.stamp)['particles'] = [
-            [pose.position.x, pose.position.y] for pose in message.poses[:KEPT_PARTICLES]]
-
-    def on_state(self, message: Any) -> None:
-        """Take the state after a frame."""
-        values = {row.key: row.value for row in message.values}
-        if 'stamp' not in values:
-            return
-        seconds, nanoseconds = values['stamp'].split('.')
-        row = self.frames.setdefault(int(seconds) * 10**9 + int(nanoseconds), {})
-        row['state'] = message.message
-        row['ms_per_frame'] = float(values['ms_per_frame'])
-        row['sent_ns'] = int(values['image_sent'])
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the record, with the latency from publishing an image to hearing its result."""
-        for row in self.frames.values():
-            if row.get('sent_ns') and 'received_ns' in row:
-                row['latency_ms'] = (row['received_ns'] - row['sent_ns']) / 1e6
-        return {'frames': {str(stamp): row for stamp, row in sorted(self.frames.items())}}
-
-    def _row(self, stamp: Any) -> dict[str, Any]:
-        return self.frames.setdefault(stamp.sec * 10**9 + stamp.nanosec, {})
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Record until standard input closes; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--out', type=Path, required=True, help='the JSON file')
-    options = parser.parse_args(arguments)
-
-    from diagnostic_msgs.msg import DiagnosticStatus
-    from geometry_msgs.msg import PoseArray
-    import rclpy
-    from rclpy.executors import ExternalShutdownException
-    from rclpy.node import Node
-    from rclpy.qos import QoSProfile
-    from vision_msgs.msg import Detection2DArray
-
-    record = Record()
-    rclpy.init(args=[])
-    try:
-        node = Node('recorder')
+    def __enter__(self) -> Recorder:
+        """Subscribe."""
+        self._context = Context()
+        # Ctrl-C amidst the making of a message would come out as another error.
+        self._earlier = signal.signal(signal.SIGINT, self._interrupt)
+        rclpy.init(args=[], context=self._context,
+                   signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        self._node = rclpy.create_node('recorder', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
         qos = QoSProfile(depth=1000)
-        subscriptions = [
-            node.create_subscription(
-                Detection2DArray, 'detections', record.on_detections, qos),
-            node.create_subscription(
-                DiagnosticStatus, 'tracker/state', record.on_state, qos),
-            node.create_subscription(
-                PoseArray, 'tracker/particles', record.on_particles, qos)]
-        told = False
-        ended = _closing(sys.stdin)
-        while not ended.is_set():
-            rclpy.spin_once(node, timeout_sec=0.05)
-            if not told and all(subscription.get_publisher_count()
-                                for subscription in subscriptions):
-                told = True
-                print('ready', flush=True)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        options.out.write_text(json.dumps(record.as_json()))
-        rclpy.try_shutdown()
-    return 0
+        self._subscriptions = [
+            self._node.create_subscription(kind, topic, hear, qos) for kind, topic, hear in (
+                (Detection2DArray, 'detections', self._on_detections),
+                (DiagnosticStatus, 'tracker/state', self._on_state),
+                (PoseArray, 'tracker/particles', self._on_particles))]
+        return self
 
+    def __exit__(self, *_: object) -> None:
+        """Leave ROS."""
+        signal.signal(signal.SIGINT, self._earlier)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
 
-def _closing(stream: Any) -> Any:
-    """Return an event that is set when a stream is closed at its other end."""
-    import threading
-    event = threading.Event()
+    @property
+    def matched(self) -> bool:
+        """Return whether there is a node to be heard."""
+        return all(subscription.get_publisher_count() for subscription in self._subscriptions)
 
-    def wait() -> None:
-        stream.read()
-        event.set()
-    threading.Thread(target=wait, daemon=True).start()
-    return event
+    def listen(self, seconds: float) -> None:
+        """Take the next message, if one comes in time; KeyboardInterrupt comes between two."""
+        self._executor.spin_once(timeout_sec=seconds)
+        if self._interrupted:
+            raise KeyboardInterrupt
 
+    def _interrupt(self, *_: object) -> None:
+        self._interrupted = True
 
-if __name__ == '__main__':
-    sys.exit(main())
+    def _on_detections(self, message: Any) -> None:
+        answer = self._answer(message.header.stamp)
+        answer.received = time.time_ns()
+        self.received += 1
+        for detection in message.detections[:1]:
+            center, bounds = detection.bbox.center.position, detection.bbox
+            [result] = detection.results
+            answer.estimate = Estimate(
+                Box.from_center(center.x, center.y, bounds.size_x, bounds.size_y), 0.0,
+                np.reshape(result.pose.covariance, (6, 6))[:2, :2], result.hypothesis.score,
+                TrackState.TRACKING)
+
+    def _on_particles(self, message: Any) -> None:
+        self._answer(message.header.stamp).particles = np.array(
+            [[pose.position.x, pose.position.y] for pose in message.poses[:KEPT_PARTICLES]])
+
+    def _on_state(self, message: Any) -> None:
+        values = {row.key: row.value for row in message.values}
+        if 'stamp' in values:
+            seconds, nanoseconds = map(int, values['stamp'].split('.'))
+            answer = self.answers.setdefault(seconds * 10**9 + nanoseconds, Answer())
+            answer.state = message.message
+            answer.milliseconds = float(values['ms_per_frame'])
+            answer.sent = int(values['image_sent'])
+
+    def _answer(self, stamp: Any) -> Answer:
+        return self.answers.setdefault(stamp.sec * 10**9 + stamp.nanosec, Answer())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from vtrack_ros.drawing import Canvas, STATES, TRUTH
+from vtrack_ros.drawing import AnnotatedFrame, STATES, TRUTH
 from vtrack_ros.trackers import Estimate, Frame
 
 
@@ -25,11 +25,11 @@ class DebugView:
 
     def draw(self, frame: Frame, estimate: Estimate | None, word: str) -> Frame:
         """Return a copy of the frame with box, ellipse, particles, trail and state on it."""
-        canvas = Canvas(frame, enlarge=False)
-        canvas.trail(list(self._trail))
+        picture = AnnotatedFrame(frame, enlarge=False)
+        picture.trail(self._trail)
         if estimate is None:
-            canvas.text(word)
+            picture.text(word)
         else:
-            canvas.estimate(estimate)
-            canvas.text(f'{word} {estimate.confidence:.2f}', STATES.get(estimate.state, TRUTH))
-        return canvas.picture
+            picture.estimate(estimate)
+            picture.text(f'{word} {estimate.confidence:.2f}', STATES.get(estimate.state, TRUTH))
+        return picture.picture

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 import sys
+from typing import Any
 
+from vtrack_ros.bags import SequenceError
 from vtrack_ros.cli.arguments import positive_integer
+from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation.bag_sequence import read_bag
 from vtrack_ros.evaluation.cache import default_folder, RunCache
-from vtrack_ros.evaluation.document import write_json
-from vtrack_ros.evaluation.evaluating import evaluate
-from vtrack_ros.evaluation.progress import ProgressBar
+from vtrack_ros.evaluation.evaluator import evaluate
 from vtrack_ros.evaluation.results import Problem, Results
+from vtrack_ros.evaluation.results_json import write_json
 from vtrack_ros.evaluation.scene_sequence import scene_sequence
-from vtrack_ros.evaluation.sequences import (
-    find_sequences, Sequence, SequenceError, uniquely_named)
+from vtrack_ros.evaluation.sequences import find_sequences, Sequence, uniquely_named
 from vtrack_ros.evaluation.table import sequence_table, summary_table
-from vtrack_ros.evaluation.variants import parse_variants
+from vtrack_ros.evaluation.tracker_specification import parse_trackers
 from vtrack_ros.scenes import scene_names
 
 EXAMPLES = """examples:
   vtrack evaluate --bags bags/face_fast my_bag --trackers all
   vtrack evaluate --sequences DIR --trackers pf,gmpf --seeds 5 --html report.html
-  vtrack evaluate --sequences DIR --trackers gmpf,gmpf:particles=400,preset=paper --json out.json
+  vtrack evaluate --sequences DIR --trackers gmpf,gmpf:particles=400,gmpf_paper --json out.json
+  vtrack evaluate --sequences DIR --seeds 20 --backend dask --scheduler tcp://host:8786
 
 The exit code is 1 where a sequence was skipped because something is wrong with it."""
 
@@ -33,8 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--trackers', default='all', metavar='A,B,...',
         help='which trackers, with parameters where they differ from the defaults '
-        '(pf,gmpf:particles=40); all: every one of this package; peers: those of OpenCV, where '
-        'it has them')
+        '(pf,gmpf:particles=40); all: every one of this package; papers: the methods of the '
+        'papers as printed; peers: those of OpenCV, where it has them')
     parser.add_argument('--bags', nargs='+', type=Path, default=[], metavar='BAG',
                         help='bags with truth')
     parser.add_argument('--topic', help='the image topic of the bags, where there are several')
@@ -46,6 +50,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='how many seeds, from 0 on (default 1)')
     parser.add_argument('--jobs', type=positive_integer, metavar='J',
                         help='how many processes (default: as many as there are processors)')
+    parser.add_argument('--backend', choices=('processes', 'dask'), default='processes',
+                        help='run in processes of this machine, or on the workers of a dask '
+                        'cluster, each with one thread and the same files (default: %(default)s)')
+    parser.add_argument('--scheduler', metavar='ADDRESS',
+                        help='of the dask cluster (default: $DASK_SCHEDULER_ADDRESS, or else a '
+                        'cluster of J workers on this machine)')
     parser.add_argument('--json', type=_output, metavar='FILE', help='write all figures as JSON')
     parser.add_argument('--html', type=_output, metavar='FILE',
                         help='write one page with plots and pictures')
@@ -70,13 +80,14 @@ def run(arguments: argparse.Namespace) -> int:
         If an argument is wrong.
 
     """
-    trackers = parse_variants(arguments.trackers)
+    trackers = parse_trackers(arguments.trackers)
     sequences, problems = _sequences(arguments)
     for problem in problems:
         print(f'skipped: {problem}', file=sys.stderr)
-    results = evaluate(
-        trackers, sequences, arguments.seeds, arguments.jobs, ProgressBar(sys.stderr),
-        None if arguments.no_cache else RunCache(arguments.cache))
+    with _workers(arguments):
+        results = evaluate(
+            trackers, sequences, arguments.seeds, arguments.jobs, ProgressBar('runs'),
+            None if arguments.no_cache else RunCache(arguments.cache))
     for problem in results.problems:
         print(f'failed: {problem}', file=sys.stderr)
     results.problems = [*problems, *results.problems]
@@ -85,9 +96,35 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(results, arguments.json)
     if arguments.html:
-        from vtrack_ros.evaluation.report_html import write_html
+        from vtrack_ros.evaluation.report import write_html
         write_html(results, arguments.html)
     return 1 if results.problems else 0
+
+
+@contextmanager
+def _workers(arguments: argparse.Namespace) -> Iterator[None]:
+    """Have what runs meanwhile run where the arguments say."""
+    if arguments.backend == 'processes':
+        if arguments.scheduler is not None:
+            raise ValueError('--scheduler is for --backend dask')
+        yield
+        return
+    try:
+        import dask
+        from distributed import Client
+    except ImportError as error:
+        raise ModuleNotFoundError(
+            f'--backend dask needs distributed: pip install distributed ({error})') from None
+    from joblib import parallel_config
+    address = arguments.scheduler or dask.config.get('scheduler-address', None)
+    here = {'n_workers': arguments.jobs, 'threads_per_worker': 1, 'dashboard_address': None}
+    connect: Any = Client
+    with connect(address, **({} if address else here)) as client, parallel_config(backend='dask'):
+        busy = [worker for worker, threads in client.nthreads().items() if threads > 1]
+        if busy:
+            raise ValueError(f'{busy[0]} has several threads, which would disturb one another: '
+                             'start it by dask worker --nthreads 1')
+        yield
 
 
 def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from functools import lru_cache
 import hashlib
+from importlib.util import resolve_name
 from pathlib import Path
 
 _PACKAGE = __name__.partition('.')[0]
@@ -17,17 +18,6 @@ def source_hash(*modules: str) -> str:
 
     A module's own parent packages don't count, only what's imported by name: a tracker's hash
     doesn't change with another tracker's source.
-
-    Parameters
-    ----------
-    *modules : str
-        Full names, such as ``vtrack_ros.trackers.particle``.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If one doesn't exist.
-
     """
     digest = hashlib.sha256()
     for name, path in sorted(source_files(*modules).items()):
@@ -36,7 +26,7 @@ def source_hash(*modules: str) -> str:
 
 
 def source_files(*modules: str) -> dict[str, Path]:
-    """Return the files that `source_hash` reads, by module."""
+    """Return the files that `source_hash` reads by module; ModuleNotFoundError for no module."""
     found: dict[str, Path] = {}
     waiting = list(modules)
     while waiting:
@@ -59,26 +49,16 @@ def _imports(source: bytes, package: str) -> tuple[str, ...]:
         if isinstance(node, ast.Import):
             names.extend(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            base = node.module or ''
-            if node.level:
-                parents = package.split('.')[:len(package.split('.')) - node.level + 1]
-                base = '.'.join([*parents, *filter(None, [base])])
-            submodules = [f'{base}.{alias.name}' for alias in node.names]
-            modules = [name for name in submodules if _of_package(name) and _module_file(name)]
-            names.extend(modules)
+            base = resolve_name('.' * node.level + (node.module or ''), package)
+            inner = [f'{base}.{alias.name}' for alias in node.names]
+            modules = [name for name in inner if _module_file(name)]
             # `from package import module` needs the package only for names that aren't modules.
-            if len(modules) < len(submodules):
-                names.append(base)
-    return tuple(name for name in names if _of_package(name))
-
-
-def _of_package(name: str) -> bool:
-    return name.partition('.')[0] == _PACKAGE
+            names.extend(modules if len(modules) == len(inner) else [*modules, base])
+    return tuple(name for name in names if name.partition('.')[0] == _PACKAGE)
 
 
 def _module_file(name: str) -> Path | None:
-    place = _ROOT.joinpath(*name.split('.')[1:])
-    for path in (place / '__init__.py', place.with_suffix('.py')):
-        if path.is_file():
-            return path
-    return None
+    package, *parts = name.split('.')
+    place = _ROOT.joinpath(*parts)
+    files = (place / '__init__.py', place.with_suffix('.py')) if package == _PACKAGE else ()
+    return next((path for path in files if path.is_file()), None)

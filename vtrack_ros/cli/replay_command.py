@@ -9,14 +9,14 @@ from pathlib import Path
 import sys
 
 from vtrack_ros.bags import BagReader
-from vtrack_ros.bags.replay import replay, Scoring, Step, WAITING
-from vtrack_ros.bags.results import ResultFolder
+from vtrack_ros.bags.replay import replay, WAITING
+from vtrack_ros.bags.result_folder import ResultFolder
 from vtrack_ros.cli.arguments import box, seed
-from vtrack_ros.drawing import Canvas, Film, TRUTH
-from vtrack_ros.evaluation.progress import ProgressBar
-from vtrack_ros.geometry import Box
+from vtrack_ros.cli.progress import with_progress
+from vtrack_ros.drawing import Film
+from vtrack_ros.evaluation.stream_score import figures_table, StreamScore
 from vtrack_ros.session.session import TrackingSession
-from vtrack_ros.trackers import tracker_class, tracker_names
+from vtrack_ros.trackers import Estimate, tracker_class, tracker_names
 
 EXAMPLES = """examples:
   vtrack replay bags/face_fast --tracker gmpf --out result
@@ -83,35 +83,28 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
             if not arguments.no_video:
                 film = stack.enter_context(
                     Film(results.place, bag.rate(topic.name), topic.count))
-        scoring, show = Scoring(truth), ProgressBar(sys.stderr, 'frames')
-        done = 0
-        for done, step in enumerate(steps, start=1):
-            scoring.add(step)
+        score = StreamScore(truth)
+        for step in with_progress(steps, topic.count, 'frames'):
+            score.add_step(step)
             if results is not None:
                 results.write(step)
             if film is not None:
-                _film(film, step, truth.get(step.image.stamp))
-            show(done, topic.count)
-        if not done:
+                film.add(step.image.frame, _state(step.estimate), estimate=step.estimate,
+                         truth=truth.get(step.image.stamp))
+        if len(malformed) == topic.count:
             raise ValueError(f'none of the images can be read: {malformed[0]}')
     for text in malformed[:5]:
         print(f'vtrack replay: left out {text}', file=sys.stderr)
-    figures = scoring.figures(len(malformed))
-    print(json.dumps(figures.as_json()) if arguments.json else figures.table())
+    figures = score.figures()
+    figures['frames_malformed'] = len(malformed)
+    figures['fps'] = 1e3 / figures['ms_per_frame'] if figures['ms_per_frame'] else None
+    print(json.dumps(figures) if arguments.json else figures_table(figures))
     return 0
 
 
-def _film(film: Film, step: Step, true_box: Box | None) -> None:
-    """Draw a frame with all that is known of it."""
-    canvas, estimate = Canvas(step.image.frame), step.estimate
-    if true_box is not None:
-        canvas.box(true_box, TRUTH, 1)
-    if estimate is None:
-        film.add(canvas, WAITING)
-        return
-    canvas.estimate(estimate)
-    film.add(canvas, f'{estimate.state.value} {estimate.confidence:.2f}',
-             estimate.box.center if estimate.measured else None)
+def _state(estimate: Estimate | None) -> str:
+    return (WAITING if estimate is None
+            else f'{estimate.state.value} {estimate.confidence:.2f}')
 
 
 def _assignment(text: str, tracker: str) -> tuple[str, str]:

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
-import sys
 
 from vtrack_ros.bags.importing import open_source
-from vtrack_ros.bags.recording import record, Truth
+from vtrack_ros.bags.recording import record
 from vtrack_ros.cli.arguments import positive_number
-from vtrack_ros.cli.synth import add_storage_arguments
-from vtrack_ros.evaluation.progress import ProgressBar
-from vtrack_ros.frame import Frame
+from vtrack_ros.cli.progress import with_progress
+from vtrack_ros.cli.synth_command import add_storage_arguments
 
 EXAMPLES = """examples:
   vtrack import pictures/ --out bag --rate 30
@@ -40,16 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the bag."""
     source = open_source(arguments.path, arguments.truth, arguments.no_truth)
-    show = ProgressBar(sys.stderr, 'frames')
-
-    def shown() -> Iterator[tuple[Frame, Truth]]:
-        for done, pair in enumerate(source.frames(), start=1):
-            if source.count is not None:
-                show(done, source.count)
-            yield pair
-
     rate = arguments.rate or source.rate or 25.0
-    count = record(shown(), arguments.out, rate=rate, storage=arguments.format,
+    frames = with_progress(source.frames(), source.count, 'frames')
+    count = record(frames, arguments.out, rate=rate, storage=arguments.format,
                    compression=arguments.compress, topic=arguments.topic,
                    with_truth=source.truth is not None)
     about = 'without truth' if source.truth is None else 'with truth'

@@ -12,7 +12,7 @@ from vtrack_ros.evaluation.results import Results, Scores
 from vtrack_ros.evaluation.scoring import FIGURES
 
 
-def document(results: Results) -> dict[str, Any]:
+def as_json(results: Results) -> dict[str, Any]:
     """
     Return results as what JSON can hold.
 
@@ -27,8 +27,8 @@ def document(results: Results) -> dict[str, Any]:
         'timings': results.timings,
         'figures': {figure.key: {'description': figure.description, 'timed': figure.timed}
                     for figure in FIGURES},
-        'trackers': {variant.label: {'tracker': variant.name, 'parameters': dict(
-            variant.parameters)} for variant in results.variants.values()},
+        'trackers': {tracker.label: {'tracker': tracker.name, 'parameters': dict(
+            tracker.parameters)} for tracker in results.trackers.values()},
         'sequences': {sequence: {tracker: _plain(scores) for tracker, scores in row.items()}
                       for sequence, row in results.by_sequence.items()},
         'summary': {tracker: _plain(scores) for tracker, scores in results.summary.items()},
@@ -38,8 +38,8 @@ def document(results: Results) -> dict[str, Any]:
 
 
 def write_json(results: Results, path: Path) -> None:
-    """Write `document` to a file."""
-    text = json.dumps(document(results), indent=1, allow_nan=False, ensure_ascii=False)
+    """Write `as_json` to a file."""
+    text = json.dumps(as_json(results), indent=1, allow_nan=False, ensure_ascii=False)
     path.write_text(text + '\n', encoding='utf-8')
 
 

@@ -1,4 +1,4 @@
-"""Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,preset=paper`."""
+"""Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,innovation=0.3`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vtrack_ros.trackers import Tracker, tracker_class, tracker_names
 
 
 @dataclass(frozen=True)
-class TrackerVariant:
+class TrackerSpecification:
     """
     A tracker with the parameters that differ from its defaults.
 
@@ -45,9 +45,9 @@ class TrackerVariant:
         return self.tracker_class(seed, **dict(self.parameters))
 
 
-def parse_variant(text: str) -> TrackerVariant:
+def parse_tracker(text: str) -> TrackerSpecification:
     """
-    Return the variant that `name` or `name:parameter=value,...` spells.
+    Return the specification that `name` or `name:parameter=value,...` spells.
 
     Raises
     ------
@@ -66,16 +66,17 @@ def parse_variant(text: str) -> TrackerVariant:
         if key not in cls.PARAMETERS:
             cls.PARAMETERS.checked({key: value}, name)
         parameters[key] = cls.PARAMETERS[key].parsed(value)
-    return TrackerVariant(label, name, tuple(sorted(parameters.items())))
+    return TrackerSpecification(label, name, tuple(sorted(parameters.items())))
 
 
-def parse_variants(text: str) -> list[TrackerVariant]:
+def parse_trackers(text: str) -> list[TrackerSpecification]:
     """
-    Return the variants of a comma-separated list.
+    Return the specifications of a comma-separated list.
 
-    `all` stands for the package's trackers and `peers` for OpenCV's own, as far as the OpenCV that
-    is installed has them. In `pf,gmpf:particles=40,preset=paper,kpf` a part with `=` belongs to
-    the tracker before it. A variant that is named twice counts once.
+    `all` stands for the package's own trackers, `papers` for the papers' methods as printed, and
+    `peers` for OpenCV's own, as far as the OpenCV that is installed has them. In
+    `pf,gmpf:particles=40,innovation=0.3,pqkpf` a part with `=` belongs to the tracker before it.
+    One that is named twice counts once.
 
     Raises
     ------
@@ -83,24 +84,30 @@ def parse_variants(text: str) -> list[TrackerVariant]:
         If the list is empty or a part of it is wrong.
 
     """
+    groups = {'all': _own, 'papers': _papers, 'peers': _available_peers}
     pieces: list[str] = []
     for part in filter(None, (part.strip() for part in text.split(','))):
         if '=' in part and ':' not in part and pieces:
             pieces[-1] += ',' + part
-        elif part == 'all':
-            pieces.extend(tracker_names())
-        elif part == 'peers':
-            pieces.extend(_available_peers())
         else:
-            pieces.append(part)
+            pieces.extend(groups[part]() if part in groups else [part])
     if not pieces:
         raise ValueError('no tracker is named; valid are ' + ', '.join(_names()))
-    return variants(dict.fromkeys(pieces))
+    return specifications(dict.fromkeys(pieces))
 
 
-def variants(trackers: Iterable[str | TrackerVariant]) -> list[TrackerVariant]:
-    """Return each tracker as a variant, parsing those that are text."""
-    return [parse_variant(one) if isinstance(one, str) else one for one in trackers]
+def specifications(
+        trackers: Iterable[str | TrackerSpecification]) -> list[TrackerSpecification]:
+    """Return each tracker as a specification, parsing those that are text."""
+    return [parse_tracker(one) if isinstance(one, str) else one for one in trackers]
+
+
+def _own() -> tuple[str, ...]:
+    return tuple(name for name in tracker_names() if not name.endswith('_paper'))
+
+
+def _papers() -> tuple[str, ...]:
+    return tuple(name for name in tracker_names() if name.endswith('_paper'))
 
 
 def _available_peers() -> tuple[str, ...]:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
 from pathlib import Path
-import sys
 
-from vtrack_ros.bags.recording import record, Truth
+from vtrack_ros.bags.recording import record
 from vtrack_ros.bags.writer import COMPRESSIONS, STORAGES
 from vtrack_ros.cli.arguments import image_size, positive_integer, positive_number, seed
-from vtrack_ros.evaluation.progress import ProgressBar
-from vtrack_ros.frame import Frame
+from vtrack_ros.cli.progress import with_progress
 from vtrack_ros.scenes import render, scene_info, scene_names
 
 EXAMPLES = """examples:
@@ -64,14 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError('--out BAG is missing: where should the bag go?')
     frames = render(arguments.scene, arguments.size, arguments.frames, arguments.seed)
     total = arguments.frames or scene_info(arguments.scene).frames
-    show = ProgressBar(sys.stderr, 'frames')
-
-    def shown() -> Iterator[tuple[Frame, Truth]]:
-        for done, rendered in enumerate(frames, start=1):
-            show(done, total)
-            yield rendered.frame, rendered.truth
-
-    count = record(shown(), arguments.out, rate=arguments.rate, storage=arguments.format,
+    shown = ((shot.frame, shot.truth) for shot in with_progress(frames, total, 'frames'))
+    count = record(shown, arguments.out, rate=arguments.rate, storage=arguments.format,
                    compression=arguments.compress, topic=arguments.topic)
     print(f'{arguments.out}: {count} frames of {arguments.scene}, with truth')
     return 0

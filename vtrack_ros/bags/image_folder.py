@@ -1,0 +1,92 @@
+"""Folders of images with a ground truth, as the tracking benchmarks publish them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import re
+
+import cv2
+import numpy as np
+
+from vtrack_ros.bags.errors import SequenceError
+from vtrack_ros.bags.truth import true_box
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+#: What a folder calls its truth.
+GROUND_TRUTH = 'groundtruth_rect'
+
+_IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm'})
+
+
+def image_files(folder: Path) -> tuple[Path, ...]:
+    """Return the images in img/ or the folder itself, 2.png before 10.png; else SequenceError."""
+    for place in (folder / 'img', folder):
+        if place.is_dir():
+            files = sorted((path for path in place.iterdir()
+                            if path.suffix.lower() in _IMAGE_SUFFIXES), key=_by_number)
+            if files:
+                return tuple(files)
+    raise SequenceError(f'{folder}: no images, neither in img/ nor in the folder itself')
+
+
+def read_image(path: Path) -> Frame:
+    """
+    Return an image file as a frame of shape (H, W, 3) in BGR order, grey ones too.
+
+    It's turned upright where the file says how the camera was held.
+
+    Raises
+    ------
+    SequenceError
+        If it can't be decoded.
+
+    """
+    data = np.fromfile(path, np.uint8)
+    image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if image is None:
+        raise SequenceError(f'{path}: not an image that can be decoded')
+    return np.asarray(image, dtype=np.uint8)
+
+
+def ground_truth_files(folder: Path) -> list[Path]:
+    """Return the ground truths of a folder, the plain name first."""
+    return sorted(folder.glob(f'{GROUND_TRUTH}*.txt'), key=lambda path: (len(path.name), path))
+
+
+def read_ground_truth(path: Path) -> list[Box | None]:
+    """
+    Return the boxes of a ground truth, None where the target is absent.
+
+    Rows are x, y, width, height in pixels, 0-based, separated by commas, semicolons or blanks.
+
+    Raises
+    ------
+    SequenceError
+        If a row isn't four numbers, or there is none.
+
+    """
+    boxes = []
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        raise SequenceError(f'{path}: {error}') from None
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.replace(',', ' ').replace(';', ' ').split()
+        if not words:
+            continue
+        try:
+            x, y, width, height = map(float, words)
+        except ValueError:
+            raise SequenceError(f'{path}:{number}: expected four numbers x,y,width,height, '
+                                f'not {line.strip()!r}') from None
+        boxes.append(true_box(x, y, width, height))
+    if not boxes:
+        raise SequenceError(f'{path}: no boxes')
+    return boxes
+
+
+def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
+    parts = [(int(part), '') if part.isdecimal() else (-1, part)
+             for part in re.split(r'(\d+)', path.name)]
+    return parts, path.name

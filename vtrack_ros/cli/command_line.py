@@ -1,0 +1,147 @@
+"""
+The command line `vtrack`.
+
+A subcommand is a module with `add_arguments(parser)`, `run(arguments) -> int` and `EXAMPLES`; a
+line in `_COMMANDS` makes it known. It's imported only when it's called.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from difflib import get_close_matches
+from importlib import import_module
+import os
+import re
+import sys
+from typing import NoReturn
+
+from vtrack_ros import __version__
+
+_INTERRUPTED = 130
+_PIPE_CLOSED = 141
+_COMMANDS = {
+    'synth': 'render a scene with exact truth into a bag',
+    'import': 'make a bag of images or of a video',
+    'play': 'publish a bag, as ros2 bag play would',
+    'replay': 'run a tracker over a bag, without a node',
+    'evaluate': 'compare trackers on bags and image folders with truth',
+}
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that says what's wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message and exit with 2."""
+        complain(self.prog, message)
+        sys.exit(2)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run a command line.
+
+    Returns
+    -------
+    code : int
+        0, or 1 where something failed, 2 where the arguments or the input are wrong, 130 after
+        Ctrl-C.
+
+    """
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        code = _run(words)
+        sys.stdout.flush()
+        return code
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+    except BrokenPipeError:
+        # What's still in the buffer has nowhere to go, and must not be tried again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _PIPE_CLOSED
+
+
+def _run(words: list[str]) -> int:
+    listed = 'valid are ' + ', '.join(_COMMANDS)
+    if not words:
+        return complain('vtrack', f'no command given; {listed}')
+    name = words[0]
+    if name not in (*_COMMANDS, '-h', '--help', 'help', '--version'):
+        near = get_close_matches(name, _COMMANDS, 1)
+        hint = f'did you mean {near[0]}?' if near else listed
+        return complain('vtrack', f'unknown command {name!r}; {hint}')
+    if name == '--version':
+        print('vtrack', __version__)
+        return 0
+    prog = f'vtrack {name}'
+    try:
+        parser = _parser(name)
+        if name == 'help':
+            parser.print_help()
+            return 0
+        arguments = parser.parse_args(negative_values(words))
+        return int(arguments.run(arguments))
+    except ModuleNotFoundError as error:
+        package = (error.name or '').partition('.')[0]
+        if package == 'vtrack_ros':
+            raise
+        hint = '' if 'install' in str(error) else (
+            f'; install it: pip install {package}, or apt install python3-{package}')
+        complain(prog, f'{error}{hint}')
+        return 1
+    except (TypeError, ValueError) as error:
+        return complain(prog, str(error))
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        complain(prog, in_words(error))
+        return 1
+
+
+def _parser(called: str) -> Parser:
+    """Return a parser that knows all commands by name, and the called one by its arguments."""
+    parser = Parser('vtrack', description='Bags of images, and trackers that follow a target in '
+                    'them.', epilog='vtrack COMMAND --help tells more, with examples.')
+    parser.add_argument('--version', action='store_true', help='show the version and end')
+    commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
+    for name, summary in _COMMANDS.items():
+        command = commands.add_parser(
+            name, help=summary, description=summary[0].upper() + summary[1:] + '.',
+            formatter_class=argparse.RawDescriptionHelpFormatter)
+        if name == called:
+            module = import_module(f'vtrack_ros.cli.{name}_command')
+            module.add_arguments(command)
+            command.epilog = module.EXAMPLES
+            command.set_defaults(run=module.run)
+    return parser
+
+
+def negative_values(words: Sequence[str]) -> list[str]:
+    """Return a command line in which `--init -10,2,30,30` is `--init=-10,2,30,30`."""
+    # argparse takes what begins with - for an option, unless it's a plain number.
+    joined: list[str] = []
+    for word in words:
+        if joined and re.fullmatch('--[a-z-]+', joined[-1]) and re.match(r'-\.?\d', word):
+            joined[-1] += '=' + word
+        else:
+            joined.append(word)
+    return joined
+
+
+def in_words(error: OSError) -> str:
+    """Return what the system found wrong, and where, without its number."""
+    known = error.filename is not None and error.strerror is not None
+    return f'{error.filename}: {error.strerror}' if known else str(error)
+
+
+def complain(prog: str, message: str) -> int:
+    """Print a message as one line on standard error; return 2."""
+    print(f'{prog}: ' + ' '.join(message.split()), file=sys.stderr)
+    return 2
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,52 @@
+"""A progress bar on a terminal, a line now and then in a log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+import io
+import sys
+from typing import Any, TypeVar
+
+Item = TypeVar('Item')
+
+#: Seconds between two lines of a log.
+_PAUSE = 5.0
+
+
+class ProgressBar:
+    """tqdm's bar on standard error, which appears with the first call."""
+
+    def __init__(self, unit: str) -> None:
+        self._unit = unit
+        self._bar: Any = None
+
+    def __call__(self, done: int, total: int | None) -> None:
+        """Show that `done` of `total` are done."""
+        from tqdm import tqdm
+        if self._bar is None:
+            live = sys.stderr.isatty()
+            self._bar = tqdm(
+                total=total, initial=done, unit=f' {self._unit}', leave=live, dynamic_ncols=live,
+                mininterval=0.1 if live else _PAUSE, file=sys.stderr if live else _LogLines(),
+                bar_format=None if live else '{n_fmt}/{total_fmt}{unit}, {elapsed} < {remaining}')
+        elif self._bar.update(done - self._bar.n) is None and done == total:
+            self._bar.refresh()
+        if done == total:
+            self._bar.close()
+
+
+def with_progress(items: Iterable[Item], total: int | None, unit: str) -> Iterator[Item]:
+    """Pass items on, and show how many of `total` came."""
+    show = ProgressBar(unit)
+    for done, item in enumerate(items, start=1):
+        show(done, total)
+        yield item
+
+
+class _LogLines(io.StringIO):
+    """Each state of the bar as a line of standard error."""
+
+    def write(self, text: str) -> int:
+        if line := text.strip():
+            print(line, file=sys.stderr, flush=True)
+        return len(text)

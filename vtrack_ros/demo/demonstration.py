@@ -1,0 +1,144 @@
+"""Track a target in a recorded bag, with a real node, and show what came out."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+import json
+import os
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vtrack_ros.bags import BagError, BagReader
+from vtrack_ros.bags.messages import COMPRESSED_IMAGE
+from vtrack_ros.bags.topics import Topic
+from vtrack_ros.cli.arguments import box, seed
+from vtrack_ros.cli.command_line import complain, in_words, negative_values, Parser
+from vtrack_ros.cli.progress import ProgressBar
+from vtrack_ros.dds import reserve_domain, with_profile
+from vtrack_ros.drawing import Film
+from vtrack_ros.evaluation.stream_score import Figures, figures_table, StreamScore
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import tracker_names
+
+if TYPE_CHECKING:
+    from vtrack_ros.ros.recorder import Answer
+
+_ROOT = Path(__file__).resolve().parents[2]
+#: Less than this share of tracked frames isn't tracking, nor is less than this mean overlap.
+LEAST_TRACKED, LEAST_IOU = 0.5, 0.3
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the command line's parser."""
+    result = Parser(
+        prog='demo', description='Track a target in a recorded bag: a player, the node and a '
+        'recorder run in three processes, and pictures of it go into a folder.')
+    result.add_argument('--bag', type=Path, default=_ROOT / 'bags' / 'face_fast',
+                        help='a rosbag2 folder, .mcap, .db3 or ROS 1 .bag (default: %(default)s)')
+    result.add_argument('--topic', help='the image topic, where the bag has several')
+    result.add_argument('--tracker', choices=tracker_names(), default='gmpf',
+                        help='default: %(default)s')
+    result.add_argument('--seed', type=seed, default=0,
+                        help='of the random numbers (default: %(default)s)')
+    result.add_argument('--init-box', type=box, metavar='X,Y,WIDTH,HEIGHT',
+                        help="the target on the first frame, in pixels (default: the bag's truth)")
+    result.add_argument('--json', type=Path, metavar='FILE', help='write the figures here as well')
+    result.add_argument('--out', type=Path, default=Path('demo-output'), metavar='DIR',
+                        help='where the pictures go (default: %(default)s)')
+    return result
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the demo; return 0 if the target was tracked, 1 if not, 2 if it couldn't be tried."""
+    words = sys.argv[1:] if arguments is None else arguments
+    options = parser().parse_args(negative_values(words))
+    with nullcontext() if 'ROS_DOMAIN_ID' in os.environ else reserve_domain():
+        # Fast DDS reads it when ROS is imported.
+        os.environ.update(with_profile(os.environ))
+        from vtrack_ros.demo.processes import DemoError
+        try:
+            return _demonstrate(options)
+        except (BagError, DemoError) as error:
+            print(f'demo: {error}', file=sys.stderr)
+            return 2
+        except OSError as error:
+            return complain('demo', in_words(error))
+
+
+def _demonstrate(options: argparse.Namespace) -> int:
+    from vtrack_ros.demo.processes import DemoError, run
+    from vtrack_ros.ros.recorder import Answer
+    with BagReader(options.bag) as bag:
+        topic, truth = bag.image_topic(options.topic), bag.truth()
+        start = options.init_box or truth.get(next(bag.frames(topic.name)).stamp)
+        if start is None:
+            raise DemoError(f'{options.bag} does not say where the target is on the first frame: '
+                            'give --init-box X,Y,WIDTH,HEIGHT')
+        options.out.mkdir(parents=True, exist_ok=True)
+        print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
+              f'{options.tracker}, seed {options.seed}')
+        show = ProgressBar('frames')
+        sent, answers = run(
+            _node_arguments(options, start, topic), [str(options.bag), '--topic', topic.name],
+            options.out, lambda done: show(done, topic.count))
+        figures = summarise(answers, truth, sent)
+        print(figures_table(figures))
+        with Film(options.out, bag.rate(topic.name), topic.count) as film:
+            for image in bag.frames(topic.name):
+                answer = answers.get(image.stamp, Answer())
+                film.add(image.frame, answer.state or 'no answer', truth=truth.get(image.stamp),
+                         estimate=answer.estimate, particles=answer.particles)
+    for path in film.paths:
+        print(f'see {path}')
+    if options.json is not None:
+        options.json.write_text(json.dumps(figures, indent=2) + '\n')
+    iou, tracked = figures['mean_iou'], figures['frames_tracked'] or 0
+    if tracked < LEAST_TRACKED * max(1, sent) or (iou is not None and iou < LEAST_IOU):
+        print('demo: the target was not tracked', file=sys.stderr)
+        return 1
+    return 0
+
+
+def summarise(answers: Mapping[int, Answer], truth: Mapping[int, Box | None],
+              sent: int) -> Figures:
+    """
+    Return the figures of a run: as `StreamScore` has them, all frames' whereabouts, and latency.
+
+    Parameters
+    ----------
+    answers : mapping
+        Stamp -> what was heard.
+    truth : mapping
+        Stamp -> true box, None where the target is absent; empty without truth.
+    sent : int
+        How many frames the player published.
+
+    """
+    score = StreamScore(truth)
+    received = {stamp: answers[stamp] for stamp in sorted(answers) if answers[stamp].received}
+    for index, (stamp, answer) in enumerate(received.items()):
+        found = None if answer.estimate is None else answer.estimate.box
+        score.add(stamp, found, given=index == 0, milliseconds=answer.milliseconds)
+    figures = score.figures()
+    count = figures.pop('frames') or 0
+    latency = [one.latency for one in received.values() if one.latency is not None]
+    p50, p99 = np.percentile(latency, (50, 99)).tolist() if latency else (None, None)
+    return {'frames_sent': sent, 'frames_received': count, 'frames_dropped': sent - count,
+            **figures, 'latency_ms_p50': p50, 'latency_ms_p99': p99}
+
+
+def _node_arguments(options: argparse.Namespace, start: Box, topic: Topic) -> list[str]:
+    compressed = topic.message_type == COMPRESSED_IMAGE
+    values = {
+        'tracker': options.tracker, 'seed': options.seed,
+        'init_box': '[' + ', '.join(repr(value) for value in start.as_array().tolist()) + ']',
+        'image_transport': 'compressed' if compressed else 'raw'}
+    arguments = ['-r', f'{"image/compressed" if compressed else "image"}:={topic.name}']
+    for name, value in values.items():
+        arguments += ['-p', f'{name}:={value}']
+    return arguments

@@ -1,0 +1,200 @@
+"""Running many trackers over many sequences, in processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
+from dataclasses import dataclass, replace
+from pathlib import Path
+from uuid import uuid4
+
+from vtrack_ros.bags.errors import SequenceError
+from vtrack_ros.evaluation.cache import run_key, RunCache
+from vtrack_ros.evaluation.one_thread import one_thread
+from vtrack_ros.evaluation.results import Problem, Results
+from vtrack_ros.evaluation.runner import Run, run_tracker
+from vtrack_ros.evaluation.sequences import find_sequences, Sequence, uniquely_named
+from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
+from vtrack_ros.frame import Frame
+
+#: Called with the number of runs that are done, and of all.
+Progress = Callable[[int, int], None]
+
+#: Decoded frames of up to this many bytes are kept for the next tracker on the same video.
+_KEPT_BYTES = 1 << 30
+
+
+@dataclass(frozen=True)
+class Task:
+    """A tracker's runs over one sequence, one for each seed."""
+
+    sequence: Sequence
+    tracker: TrackerSpecification
+    seeds: tuple[int, ...]
+
+
+def evaluate(
+        trackers: Iterable[str | TrackerSpecification],
+        sequences: Iterable[Sequence] | Path | str, seeds: int | Iterable[int] = 1,
+        jobs: int | None = None, progress: Progress | None = None,
+        cache: RunCache | None = None) -> Results:
+    """
+    Run every tracker over every sequence with every seed.
+
+    Each run has one thread: OpenCV's and the linear algebra's pools are set to one. The processes
+    are joblib's: below ``joblib.parallel_config(backend='dask')`` those of a dask cluster.
+
+    Parameters
+    ----------
+    trackers : iterable of str or TrackerSpecification
+        Such as ``'pf'`` or ``'gmpf:particles=40'``.
+    sequences : iterable of Sequence, or a folder
+        A folder as `find_sequences` takes it.
+    seeds : int or iterable of int
+        How many (then 0, 1, ...), or which. A tracker that ignores its seed runs with the first
+        one alone.
+    jobs : int, optional
+        How many processes, by default one for each processor; 0 and 1 run in this one.
+    progress : callable, optional
+        Called with the number of runs done and of all.
+    cache : RunCache, optional
+        Where runs are taken from that were made before, and where new ones are kept.
+
+    Returns
+    -------
+    results : Results
+        A run that failed is among its `problems`, and so are broken sequence folders.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If a tracker, the seeds or jobs is wrong; SequenceError if the folder is.
+
+    """
+    chosen = specifications(trackers)
+    numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(dict.fromkeys(seeds))
+    if not numbers or min(numbers) < 0:
+        raise ValueError(f'seeds must be one or more numbers >= 0, not {seeds!r}')
+    if jobs is not None and jobs < 0:
+        raise ValueError(f'jobs must be 0 or more, not {jobs}')
+    broken: dict[str, str] = {}
+    if isinstance(sequences, (str, Path)):
+        found, broken = find_sequences(Path(sequences))
+    else:
+        found = uniquely_named(sequences)
+    results = Results(found, chosen, numbers)
+    results.problems.extend(Problem(name, '', text) for name, text in broken.items())
+    wanted = [Task(sequence, tracker, numbers[:1] if tracker.deterministic else numbers)
+              for sequence in found for tracker in chosen]
+    total = sum(len(task.seeds) for task in wanted)
+    store = _Store(cache, found)
+    tasks = [store.remaining(task, results) for task in wanted]
+    done = total - sum(len(task.seeds) for task in tasks)
+    if progress is not None:
+        progress(done, total)
+    for task, outcome in _outcomes([task for task in tasks if task.seeds], jobs):
+        if isinstance(outcome, str):
+            results.problems.append(Problem(task.sequence.name, task.tracker.label, outcome))
+        else:
+            for seed, run in zip(task.seeds, outcome):
+                results.add(task.sequence.name, task.tracker.label, seed, run)
+                store.keep(task, seed, run)
+        done += len(task.seeds)
+        if progress is not None:
+            progress(done, total)
+    results.sort()
+    return results
+
+
+class _Store:
+    """The cache as one evaluation sees it, or nothing."""
+
+    def __init__(self, cache: RunCache | None, sequences: Iterable[Sequence]) -> None:
+        self._cache = cache
+        self._fingerprints = {} if cache is None else {
+            sequence.name: sequence.fingerprint() for sequence in sequences}
+        self._keys: dict[tuple[str, str, int], str] = {}
+
+    def remaining(self, task: Task, results: Results) -> Task:
+        """Add the runs that were made before to the results; return those still to be made."""
+        if self._cache is None:
+            return task
+        seeds = []
+        for seed in task.seeds:
+            key = self._key(task, seed)
+            self._keys[task.sequence.name, task.tracker.label, seed] = key
+            run = self._cache.get(key)
+            if run is None:
+                seeds.append(seed)
+            else:
+                results.add(task.sequence.name, task.tracker.label, seed, run)
+        return replace(task, seeds=tuple(seeds))
+
+    def keep(self, task: Task, seed: int, run: Run) -> None:
+        """Keep a run, unless the source was changed while it ran."""
+        key = self._keys.get((task.sequence.name, task.tracker.label, seed))
+        if self._cache is not None and key is not None and key == self._key(task, seed):
+            self._cache.put(key, run)
+
+    def _key(self, task: Task, seed: int) -> str:
+        return run_key(task.tracker, self._fingerprints[task.sequence.name], seed)
+
+
+def _outcomes(
+        tasks: Ordered[Task], jobs: int | None) -> Iterator[tuple[Task, list[Run] | str]]:
+    from joblib import delayed, Parallel
+
+    # Long ones first, so that no process is left with one at the end; those of one video together,
+    # so that it's decoded once.
+    ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
+    parallel = Parallel(n_jobs=-1 if jobs is None else max(1, jobs), batch_size=1,
+                        return_as='generator')
+    evaluation = uuid4().hex
+    outcomes = parallel(delayed(run_task)(task, evaluation) for task in ordered)
+    done = 0
+    try:
+        for outcome in outcomes:
+            yield ordered[done], outcome
+            done += 1
+    except Exception as error:  # noqa: B902 - what a task raises is its outcome: this is a process
+        died = f'a process that ran trackers died ({type(error).__name__}); this run was under ' \
+               'way or waiting'
+        yield from ((task, died) for task in ordered[done:])
+    finally:
+        outcomes.close()
+        _kept.clear()
+
+
+def run_task(task: Task, evaluation: str) -> list[Run] | str:
+    """Return a task's runs, in the order of its seeds, or what went wrong."""
+    try:
+        with one_thread():
+            return [_run(task, seed, evaluation) for seed in task.seeds]
+    except Exception as error:  # noqa: B902 - one that fails must not end the others
+        return f'{type(error).__name__}: {error}'
+
+
+def _run(task: Task, seed: int, evaluation: str) -> Run:
+    sequence = task.sequence
+    run = run_tracker(task.tracker.create(seed), _frames(sequence, evaluation),
+                      sequence.first_box, sequence.steps)
+    if len(run.boxes) != len(sequence):
+        raise SequenceError(
+            f'only {len(run.boxes)} of {len(sequence)} frames could be read')
+    return run
+
+
+#: The last video's frames, in each process, by evaluation and video: files may change in between.
+_kept: dict[tuple[str, str], list[Frame]] = {}
+
+
+def _frames(sequence: Sequence, evaluation: str) -> Iterable[Frame]:
+    """Return the frames, decoded once for all runs on a video that isn't too large."""
+    key = evaluation, sequence.video
+    if key not in _kept:
+        _kept.clear()
+        stream = iter(sequence.frames())
+        first = next(stream)
+        if first.nbytes * len(sequence) > _KEPT_BYTES:
+            return sequence.frames()
+        _kept[key] = [first, *stream]
+    return _kept[key]

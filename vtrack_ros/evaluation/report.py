@@ -1,0 +1,163 @@
+"""Results as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping
+from importlib.resources import files
+import math
+from pathlib import Path
+from typing import Any
+
+import cv2
+from jinja2 import Environment, StrictUndefined
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.evaluation import metrics
+from vtrack_ros.evaluation.charts import bar_chart, colour, Curve, line_chart
+from vtrack_ros.evaluation.environment import environment
+from vtrack_ros.evaluation.results import Results, Scores
+from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.evaluation.scoring import FIGURES
+from vtrack_ros.evaluation.sequences import Sequence
+from vtrack_ros.evaluation.table import number_text, ranked
+from vtrack_ros.evaluation.worst_frames import worst_frames, WorstFrame
+from vtrack_ros.frame import Frame
+
+#: What is better for a figure: its largest value or its smallest; the others aren't compared.
+_BEST: dict[str, Callable[[list[float]], float]] = {
+    **dict.fromkeys(('auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported',
+                     'found15'), max),
+    **dict.fromkeys(('rmse_mean', 'rmse_var', 'failures', 'recovery_frames', 'report_frames',
+                     'false_alarms', 'wrong_tracking', 'ms_median', 'ms_p99', 'cpu_ms_median',
+                     'cei'), min)}
+
+_QUESTIONS = {
+    'Where is it?': ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'rmse_var',
+                     'failures', 'recovery_frames'),
+    'Does it know?': ('auroc', 'losses', 'losses_reported', 'report_frames', 'false_alarms',
+                      'wrong_tracking', 'returns', 'found15', 'coverage50', 'coverage90'),
+    'What does it cost?': ('ms_median', 'ms_p99', 'cpu_ms_median', 'cei'),
+}
+_FOR_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'report_frames',
+                 'false_alarms', 'wrong_tracking', 'found15', 'coverage90', 'ms_median')
+#: The width of a picture, in pixels of the page.
+_PICTURE = 306
+
+
+def write_html(results: Results, path: Path) -> None:
+    """Write the page to a file."""
+    path.write_text(html_page(results), encoding='utf-8')
+
+
+def html_page(results: Results) -> str:
+    """Return the page; it refers to nothing outside itself."""
+    rows = ranked(results)
+    colors = {label: colour(index) for index, label in enumerate(rows)}
+    template = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
+                           undefined=StrictUndefined).from_string(
+        files(__package__).joinpath('report.html.jinja').read_text(encoding='utf-8'))
+    charts = {} if not rows else {
+        'success': line_chart(
+            _mean_curves(results, colors, metrics.OVERLAP_THRESHOLDS, _success),
+            'overlap threshold', 'share of frames above it', y_top=1.0),
+        'precision': line_chart(
+            _mean_curves(results, colors, metrics.PRECISION_THRESHOLDS, _precision),
+            'centre error threshold [px]', 'share of frames within it', y_top=1.0),
+        'bars': bar_chart({
+            name: {label: (_value(row[label], 'auc'), _value(row[label], 'auc_std'))
+                   for label in colors if label in row}
+            for name, row in results.by_sequence.items() if row}, colors)}
+    return template.render(
+        results=results, environment=environment(), colors=colors, figures=FIGURES, charts=charts,
+        tables={question: _table(rows, keys) for question, keys in _QUESTIONS.items()},
+        auc={label: number_text(_value(row, 'auc'), 'auc') for label, row in rows.items()},
+        sequences=[_sequence(results, sequence, colors) for sequence in results.sequences.values()
+                   if colors.keys() & results.by_sequence[sequence.name].keys()])
+
+
+def _table(rows: Mapping[str, Scores], keys: tuple[str, ...]) -> dict[str, Any]:
+    """Return the figures that one of the rows has, and what stands in the cells."""
+    shown = [figure for figure in FIGURES if figure.key in keys
+             and any(not math.isnan(_value(row, figure.key)) for row in rows.values())]
+    best = {}
+    for figure in shown:
+        values = [value for row in rows.values()
+                  if not math.isnan(value := _value(row, figure.key))]
+        if figure.key in _BEST and len(set(values)) > 1:
+            best[figure.key] = _BEST[figure.key](values)
+    cells = {}
+    for label, row in rows.items():
+        cells[label] = [{
+            'text': number_text(_value(row, figure.key), figure.key),
+            'deviation': number_text(deviation, figure.key) if (
+                deviation := _value(row, f'{figure.key}_std')) > 0 else '',
+            'best': best.get(figure.key) == _value(row, figure.key)} for figure in shown]
+    return {'figures': shown, 'rows': cells}
+
+
+def _mean_curves(
+        results: Results, colors: Mapping[str, str], thresholds: NDArray[np.float64],
+        curve: Callable[[Run, Sequence], NDArray[np.float64]]) -> list[Curve]:
+    curves = []
+    for label, color in colors.items():
+        rows = [np.mean([curve(run, sequence) for run in runs.values()], axis=0)
+                for sequence in results.sequences.values()
+                if (runs := results.runs(sequence.name, label))]
+        curves.append(Curve(label, color, thresholds, np.mean(rows, axis=0)))
+    return curves
+
+
+def _success(run: Run, sequence: Sequence) -> NDArray[np.float64]:
+    return metrics.success_curve(metrics.overlaps(run.boxes, sequence.truth))
+
+
+def _precision(run: Run, sequence: Sequence) -> NDArray[np.float64]:
+    return metrics.precision_curve(metrics.center_errors(run.boxes, sequence.truth))
+
+
+def _sequence(results: Results, sequence: Sequence, colors: Mapping[str, str]) -> dict[str, Any]:
+    by_label = {label: runs for label in colors if (runs := results.runs(sequence.name, label))}
+    first = {label: next(iter(runs.values())) for label, runs in by_label.items()}
+    curves = [
+        Curve(label, colors[label], np.arange(len(sequence), dtype=np.float64), np.median(
+            [metrics.center_errors(run.boxes, sequence.truth) for run in runs.values()], axis=0))
+        for label, runs in by_label.items()]
+    absent = metrics.stretches(~metrics.present(sequence.truth))
+    worst = worst_frames(first, sequence.truth)
+    frames = sequence.pick(one.index for one in worst)
+    return {
+        'name': sequence.name, 'frames': len(sequence), 'absent': bool(absent),
+        'chart': line_chart(curves, 'frame', 'centre error [px]', width=940, height=200,
+                            shaded=absent),
+        'worst': [_picture(one, frames[one.index], sequence, first, colors) for one in worst],
+        'table': _table({label: results.by_sequence[sequence.name][label] for label in by_label},
+                        _FOR_SEQUENCE)}
+
+
+def _picture(worst: WorstFrame, frame: Frame, sequence: Sequence, runs: Mapping[str, Run],
+             colors: Mapping[str, str]) -> dict[str, Any]:
+    """Return a frame's picture, the boxes to be drawn over it and what one sees."""
+    high, wide = frame.shape[:2]
+    scale = min(1.0, 2 * _PICTURE / wide)
+    small = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    jpeg = cv2.imencode('.jpg', small, (cv2.IMWRITE_JPEG_QUALITY, 75))[1]
+    stroke = wide / _PICTURE * 2
+    boxes = []
+    truth = sequence.truth[worst.index]
+    if np.isfinite(truth).all():
+        boxes.append({'box': truth, 'label': 'truth', 'color': '#000', 'stroke': 1.8 * stroke})
+        boxes.append({'box': truth, 'label': 'truth', 'color': '#fff', 'stroke': stroke,
+                      'dashed': True})
+    boxes.extend({'box': run.boxes[worst.index], 'label': label, 'color': colors[label],
+                  'stroke': stroke} for label, run in runs.items())
+    return {'index': worst.index, 'tracker': worst.tracker, 'boxes': boxes,
+            'seen': ('the target is absent' if math.isnan(worst.overlap)
+                     else f'overlap {worst.overlap:.2f}'),
+            'wide': wide, 'high': high, 'width': _PICTURE, 'height': round(_PICTURE * high / wide),
+            'jpeg': base64.b64encode(jpeg.tobytes()).decode()}
+
+
+def _value(scores: Scores, key: str) -> float:
+    return scores.get(key, math.nan)
