@@ -6,6 +6,7 @@ from functools import lru_cache
 import math
 
 import cv2
+from drawn_ellipse import ellipse
 from drawn_video import box_at, DrawnVideo, straight
 import numpy as np
 import pytest
@@ -221,19 +222,6 @@ def test_both_cues_are_selectable_for_every_box_filter():
     assert len(set(map(str, runs.values()))) == 3
     boxed = [replica for replica in REPLICAS if issubclass(replica, BoxParticleFilter)]
     assert len(boxed) == 6 and all('cues' in replica.PARAMETERS for replica in boxed)
-
-
-def ellipse(center, axes, angle=0.0, seed=0):
-    """Draw a two-coloured ellipse, of semi-axes in pixels, on a noisy background."""
-    rng = np.random.default_rng(seed)
-    y, x = np.mgrid[:240, :320] + 0.5
-    x, y = x - center[0], y - center[1]
-    along = (x * math.cos(angle) + y * math.sin(angle)) / axes[0]
-    across = (y * math.cos(angle) - x * math.sin(angle)) / axes[1]
-    frame = np.full((240, 320, 3), (90, 100, 80), np.float64)
-    frame[along**2 + across**2 <= 1] = (40, 60, 200)
-    frame[(along - 0.2)**2 + (across + 0.1)**2 <= 0.2] = (220, 200, 40)
-    return np.clip(frame + rng.normal(0, 2, frame.shape), 0, 255).astype(np.uint8)
 
 
 @pytest.mark.parametrize('name', ELLIPSES)

@@ -185,7 +185,7 @@ class EllipseColours:
         Return by which matrix A the target changed its form: its frame is `B A` now.
 
         The second moment of the weights [Yin2013, eq. 11], here over an ellipse 1.4 times as
-        large, relative to what it was when the target was learned. For a target of colours that
+        large, relative to what it was at the start. For a target of colours that
         the background lacks, this is the printed moment times `4 / sigma^2`: without the factor
         an unchanged target would grow by 1.56 each time.
 

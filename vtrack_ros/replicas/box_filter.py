@@ -13,10 +13,10 @@ from vtrack_ros.estimation import (
 
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.cues import BoxCues, FusionRule
 from vtrack_ros.tracker import Estimate, Tracker
-from vtrack_ros.localisation.presence import state_after, unknown_covariance
 
 #: Standard deviations of the centre and the size that the particles don't know of, as shares of
 #: the target's mean side.

@@ -1,4 +1,4 @@
-"""ABMSPF and ABMS: mean shift on an ellipse's colours, with few particles and without [Yin2013]."""
+"""ABMSPF and ABMS: mean shift on an ellipse's colours, with few particles and without."""
 
 from __future__ import annotations
 

@@ -1,0 +1,149 @@
+"""What the papers' filters measure and weight boxes with, and Qi and Li's fusion to the letter."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from vtrack_ros.appearance.keypoints import Keypoints
+from vtrack_ros.geometry import affine
+from vtrack_ros.replicas.affine_filters import ConsecutiveKeypoints
+from vtrack_ros.replicas.cues import BoxCues, normalised_masses
+
+SIDE = 24
+
+
+def picture(*centers):
+    """Return noise with a bright square at each of the centres."""
+    rng = np.random.default_rng(0)
+    frame = rng.integers(20, 60, size=(120, 160, 3), dtype=np.uint8)
+    for x, y in centers:
+        part = frame[y - SIDE // 2:y + SIDE // 2, x - SIDE // 2:x + SIDE // 2]
+        part[:] = rng.integers(180, 230, size=part.shape, dtype=np.uint8)
+    return frame
+
+
+def started(edges=False):
+    """Return cues that know the square at (80, 60), and its box."""
+    box = np.array([80.0, 60.0, SIDE, SIDE])
+    cues = BoxCues(edges, 'flat')
+    cues.sigma = 0.1
+    cues.start(picture((80, 60)), box)
+    return cues, box
+
+
+@pytest.mark.parametrize('shift', [(0, 0), (5, 0), (-4, 6), (0, -7)])
+def test_the_target_is_measured_where_it_is(shift):
+    """Beside the prediction, to less than a tenth of its side, and sure of it."""
+    cues, box = started()
+    place = box[:2].astype(int) + shift
+    cues.observe(picture(place), box)
+    center, covariance = cues.measure(box, SIDE)
+    assert np.abs(center - place).max() < SIDE / 10
+    assert np.sqrt(np.linalg.eigvalsh(covariance)).max() < 0.2 * SIDE
+
+
+def test_two_likely_places_are_measured_as_uncertainty():
+    """The mean lies between them, and the covariance reaches to both, along their line alone."""
+    cues, box = started()
+    small = box * [1, 1, 0.5, 0.5]
+    cues.start(picture((80, 60)), small)
+    frame = picture()
+    for x in (68, 92):
+        frame[54:66, x - 6:x + 6] = picture((80, 60))[54:66, 74:86]
+    cues.observe(frame, small)
+    center, covariance = cues.measure(small, SIDE)
+    assert np.abs(center - box[:2]).max() < SIDE / 10
+    along, across = np.sqrt(np.diag(covariance))
+    assert along > 0.35 * SIDE > 2 * across
+
+
+def test_nothing_like_the_target_tells_nothing():
+    """All places are alike: the prediction, with an error as wide as the search."""
+    cues, box = started()
+    cues.observe(np.full((120, 160, 3), 128, np.uint8), box)
+    center, covariance = cues.measure(box, SIDE)
+    assert_allclose(center, box[:2], atol=1e-9)
+    assert np.sqrt(np.linalg.eigvalsh(covariance)).min() > 0.3 * SIDE
+
+
+def test_the_likelihood_is_that_of_bhattacharyyas_coefficient():
+    """Half of a target that's seen has rho = sqrt(1/2): exp(-(1 - rho) / (2 sigma^2))."""
+    cues, box = started()
+    cues.observe(picture((80, 60)), box)
+    half = box + [SIDE / 2, 0, 0, 0]
+    whole, part = cues.log_likelihood(np.stack([box, half]))
+    assert whole == pytest.approx(0, abs=1e-9)
+    assert part == pytest.approx((np.sqrt(0.5) - 1) / 0.02, rel=0.05)
+
+
+def test_sizes_out_of_range_and_places_outside_are_unlikely():
+    """Bounds are soft: farther is less likely."""
+    cues, box = started(edges=True)
+    cues.observe(picture((80, 60)), box)
+    sizes = np.stack([box * [1, 1, scale, scale] for scale in (5, 6, 7)])
+    places = np.stack([box + [200 + step, 0, 0, 0] for step in (0, 50, 100)])
+    for boxes in (sizes, places):
+        assert (np.diff(cues.log_likelihood(boxes)) < 0).all()
+    assert (cues.bounded(sizes)[:, 2:] <= 5 * SIDE).all()
+
+
+def test_masses_of_equations_16_to_19():
+    """Worked out by hand for three particles."""
+    colour, edge = np.array([2.0, 1.0, 1.0]), np.array([1.0, 3.0, 0.0])
+    w_d, w_edge = np.array([0.5, 0.25, 0.25]), np.array([0.25, 0.75, 0.0])
+    # eq. 18 with the denominator of Dempster's rule
+    fused = [0.125 / (0.125 + 0.375), 0.1875 / (0.1875 + 0.1875), 0.0]
+    assert_allclose(fused, w_d * w_edge / (w_d * w_edge + (1 - w_d) * (1 - w_edge)))
+    weights = np.exp(normalised_masses(np.stack([colour, edge]), np.ones(2)))
+    assert_allclose(weights, [1 / 3, 2 / 3, 0.0])  # 1/4 and 1/2, over their sum
+
+
+def test_many_masses_are_close_to_the_product():
+    """With masses of about 1/N nothing is left of the theory."""
+    likelihoods = np.random.default_rng(0).uniform(0.5, 1.0, (2, 500))
+    expected = likelihoods.prod(0) / likelihoods.prod(0).sum()
+    assert_allclose(np.exp(normalised_masses(likelihoods, np.ones(2))), expected, rtol=0.02)
+
+
+def test_a_cue_that_abstains_leaves_the_other_ones_order():
+    """Its masses are 1/N for all particles; a scale of the likelihoods changes nothing."""
+    colour = np.random.default_rng(0).uniform(size=20)
+    silent = np.full(20, np.nan)
+    found = normalised_masses(np.stack([colour, silent]), np.ones(2))
+    assert (np.argsort(found) == np.argsort(colour)).all()
+    assert_allclose(found, normalised_masses(np.stack([7 * colour, silent]), np.zeros(2)))
+
+
+def test_certain_cues_that_contradict_each_other_leave_no_weight():
+    """All weights are zero, which the filter takes for no measurement."""
+    found = normalised_masses(np.eye(2), np.ones(2))
+    assert (found == -np.inf).all()
+
+
+def seen(points, descriptors):
+    """Return keypoints."""
+    return Keypoints(np.asarray(points, np.float64), descriptors)
+
+
+def test_consecutive_keypoints_measure_the_last_step():
+    """Rotation and translation since the frame before; what isn't on the target doesn't count."""
+    rng = np.random.default_rng(1)
+    descriptors = rng.uniform(0, 100, (24, 128)).astype(np.float32)
+    state = affine.from_vector(np.array([np.log(40.0), 0, 0, 0, 100, 80]))
+    inside = rng.uniform(-19, 19, (12, 2)) + (100, 80)
+    outside = rng.uniform(30, 60, (12, 2)) + (100, 80)
+    meter = ConsecutiveKeypoints((1.0, 1.0))
+    assert meter.measure(seen([*inside, *outside], descriptors), state, rng) is None
+    meter.learn(state)
+    move = affine.from_vector(np.array([0.0, 0, 0.2, 0, 7, -3]))
+    moved = inside @ move[:2, :2].T + move[:2, 2]
+    # those beyond the target stand still, and would outvote it if they counted
+    change = meter.measure(seen([*moved, *outside, *outside], np.concatenate(
+        [descriptors, descriptors[12:] + 50])), state, rng)
+    assert_allclose(change.matrix, move, atol=1e-6)
+    assert len(change.before) == 12
+    meter.learn(move @ state)
+    again = meter.measure(seen(moved, descriptors[:12]), move @ state, rng)
+    assert_allclose(again.matrix, np.eye(3), atol=1e-6)
