@@ -84,7 +84,7 @@ class Sprite:
 
     def warped(self, matrix: Affine, bounds: tuple[int, int, int, int]) -> NDArray[np.float32]:
         """
-        Return the picture, mapped by `matrix` to the image, in a window (left, top, right, bottom).
+        Return the picture, mapped by `matrix`, in a window (left, top, right, bottom).
 
         Its shape is (bottom - top, right - left, 4).
         """

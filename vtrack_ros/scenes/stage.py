@@ -81,10 +81,10 @@ class Camera:
     """
     What films the scene.
 
-    `motion` moves the view in the world by an offset (x, y); a scale above 1 sees more. The shutter
-    is open for `exposure`, in frames. The noise is the standard deviation at full brightness, of
-    255; in the dark it's about a third. The lens's blur, `softness`, is in pixels at one pixel per
-    world unit.
+    `motion` moves the view in the world by an offset (x, y); a scale above 1 sees more. The
+    shutter is open for `exposure`, in frames. The noise is the standard deviation at full
+    brightness, of 255; in the dark it's about a third. The lens's blur, `softness`, is in pixels
+    at one pixel per world unit.
     """
 
     motion: Callable[[float], Placement] = field(default=lambda time: Placement(0, 0))

@@ -1,7 +1,7 @@
 """
 Procedural textures: noise, foliage, masonry, cloth.
 
-A shape is (height, width) in pixels, and so are cells; `unit` is how many pixels a length of 1 has.
+A shape is (height, width) in pixels, and so are cells; a length of 1 has `unit` pixels.
 Pictures are float32, shape (H, W, 3), noise is float32, shape (H, W).
 """
 
@@ -55,7 +55,7 @@ def wood_grain(shape: tuple[int, int], unit: float,
 
 def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
            hue: float = 0.0) -> Picture:
-    """Return one colour whose brightness, and by a share `hue` its red against blue, follow noise."""
+    """Return one colour whose brightness, and by a share `hue` its red, follow noise."""
     base = np.array(colour, np.float32)
     tint = np.array([-hue, 0.0, hue], np.float32)
     gain = 1 + contrast * noise[..., None] + tint * np.roll(noise, 7, axis=1)[..., None]
