@@ -8,7 +8,7 @@ import pytest
 
 from vtrack_ros.scenes import render, scene_info, scene_names
 from vtrack_ros.scenes.catalogue import story_times
-from vtrack_ros.scenes.stage import Camera, film, Light, View
+from vtrack_ros.scenes.stage import film, FilmCamera, Light, View
 
 PAPERS = {'face_fast': (128, 96), 'football': (400, 240), 'similar_occlusion': (384, 288),
           'pose_change': (256, 192), 'car_approach': (384, 288), 'helicopter': (320, 240)}
@@ -62,9 +62,9 @@ def test_truth_is_the_middle_of_the_exposure():
     """A blurred target is at the place where half of the light came from."""
     info = scene_info('face_fast')
     scene = info.make(View(256, 192, 128, 96), np.random.default_rng(2))
-    sharp = next(film(replace(scene, camera=Camera(exposure=1e-6)), iter([12.0]),
+    sharp = next(film(replace(scene, camera=FilmCamera(exposure=1e-6)), iter([12.0]),
                       np.random.default_rng(0)))
-    blurred = next(film(replace(scene, camera=Camera(exposure=0.9)), iter([12.0]),
+    blurred = next(film(replace(scene, camera=FilmCamera(exposure=0.9)), iter([12.0]),
                         np.random.default_rng(0)))
     assert sharp.truth == blurred.truth
     assert not np.array_equal(sharp.frame, blurred.frame)

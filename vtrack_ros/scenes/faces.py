@@ -11,7 +11,7 @@ from vtrack_ros.scenes.head import Head, nod
 from vtrack_ros.scenes.interior import office
 from vtrack_ros.scenes.motion import keyframes, Motion, stepwise, unrest
 from vtrack_ros.scenes.sprite import Placement
-from vtrack_ros.scenes.stage import Actor, Camera, Light, Scene, View
+from vtrack_ros.scenes.stage import Actor, FilmCamera, Light, Scene, View
 
 
 def person(head: Head, x: Motion, y: Motion, size: Motion, yaw: Motion, pitch: Motion,
@@ -39,7 +39,7 @@ def face_fast(view: View, rng: np.random.Generator) -> Scene:
         head, lambda time: dash(time) + sway_x(time), lambda time: 43 + sway_y(time),
         keyframes((0, 15), (17, 14.2), (31, 15.4), (50, 14.6)),
         lambda time: 1.6 * lean(time) + nod(time), lambda time: nod(time, 23), lean)
-    return Scene(view, backdrop, (body, face), 1, Camera(exposure=0.5, noise=4, softness=0.4))
+    return Scene(view, backdrop, (body, face), 1, FilmCamera(exposure=0.5, noise=4, softness=0.4))
 
 
 def pose_change(view: View, rng: np.random.Generator) -> Scene:
@@ -57,7 +57,7 @@ def pose_change(view: View, rng: np.random.Generator) -> Scene:
         head, lambda time: x(time) + sway_x(time), lambda time: y(time) + sway_y(time),
         keyframes((0, 30), (62, 31), (96, 33), (130, 29)), yaw,
         lambda time: pitch(time) + nod(time), roll)
-    return Scene(view, backdrop, (body, face), 1, Camera(noise=4))
+    return Scene(view, backdrop, (body, face), 1, FilmCamera(noise=4))
 
 
 def light_change(view: View, rng: np.random.Generator) -> Scene:
@@ -89,4 +89,4 @@ def light_change(view: View, rng: np.random.Generator) -> Scene:
         near = np.exp(-((at_x - 260) / 130) ** 2 - ((at_y - 90) / 150) ** 2)
         return np.asarray(1 + slant(time) * (0.95 * near - 0.5))
 
-    return Scene(view, backdrop, (body, face), 1, Camera(noise=4), Light(colour, lamp))
+    return Scene(view, backdrop, (body, face), 1, FilmCamera(noise=4), Light(colour, lamp))

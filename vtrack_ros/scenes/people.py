@@ -11,14 +11,14 @@ from vtrack_ros.scenes.figure import Outfit, Person
 from vtrack_ros.scenes.ground import Ground, walker
 from vtrack_ros.scenes.motion import keyframes, unrest
 from vtrack_ros.scenes.sprite import Placement, Sprite
-from vtrack_ros.scenes.stage import Actor, Camera, Light, Scene, View
+from vtrack_ros.scenes.stage import Actor, FilmCamera, Light, Scene, View
 from vtrack_ros.scenes.texture import masonry
 
 
-def handheld(rng: np.random.Generator, amount: float) -> Camera:
+def handheld(rng: np.random.Generator, amount: float) -> FilmCamera:
     """Return a camera held in hands that shake by an amount, in world units."""
     x, y, turn = unrest(rng, amount, 30), unrest(rng, amount, 24), unrest(rng, 0.002 * amount, 40)
-    return Camera(lambda time: Placement(x(time), y(time), 1.0, turn(time)))
+    return FilmCamera(lambda time: Placement(x(time), y(time), 1.0, turn(time)))
 
 
 def kiosk(view: View, width: float, height: float, rng: np.random.Generator) -> Sprite:
@@ -72,7 +72,7 @@ def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
     back = keyframes((0, 20), (170, 330))
     back_shade, passer = walker(third, ground, back, lambda time: 180, 170)
     return Scene(view, backdrop, (back_shade, passer, shade, walk, front_shade, occluder), 3,
-                 Camera(noise=4))
+                 FilmCamera(noise=4))
 
 
 def football(view: View, rng: np.random.Generator) -> Scene:
@@ -123,7 +123,7 @@ def football(view: View, rng: np.random.Generator) -> Scene:
 
     light = Light(lambda time: (gloom(time) * 1.04, gloom(time), gloom(time) * 0.95), shaded)
     return Scene(view, backdrop, (*behind, *target, *front), len(behind) + 1,
-                 Camera(lambda time: Placement(pan(time), shake(time)), noise=4), light)
+                 FilmCamera(lambda time: Placement(pan(time), shake(time)), noise=4), light)
 
 
 def distractor_cross(view: View, rng: np.random.Generator) -> Scene:
@@ -205,5 +205,5 @@ def low_light_noise(view: View, rng: np.random.Generator) -> Scene:
         return np.asarray(0.24 + 0.3 * pools + 0.35 * beam + 0 * at_y)
 
     return Scene(view, backdrop, (*near, shade, walk), 3,
-                 Camera(exposure=0.9, noise=17, softness=0.6),
+                 FilmCamera(exposure=0.9, noise=17, softness=0.6),
                  Light(lambda time: (0.9, 1.0, 1.12), lamps))

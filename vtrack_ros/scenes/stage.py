@@ -77,7 +77,7 @@ class Actor:
 
 
 @dataclass(frozen=True)
-class Camera:
+class FilmCamera:
     """
     What films the scene.
 
@@ -111,7 +111,7 @@ class Scene:
     backdrop: Canvas
     actors: tuple[Actor, ...]
     target: int
-    camera: Camera = Camera()
+    camera: FilmCamera = FilmCamera()
     light: Light = Light()
 
 

@@ -12,7 +12,7 @@ from vtrack_ros.scenes.figure import shadow
 from vtrack_ros.scenes.ground import Ground
 from vtrack_ros.scenes.motion import keyframes, Motion, unrest
 from vtrack_ros.scenes.sprite import Placement, Sprite
-from vtrack_ros.scenes.stage import Actor, Camera, Scene, View
+from vtrack_ros.scenes.stage import Actor, FilmCamera, Scene, View
 from vtrack_ros.scenes.texture import masonry
 from vtrack_ros.scenes.vehicle import Car, Helicopter
 
@@ -68,7 +68,7 @@ def car_approach(view: View, rng: np.random.Generator) -> Scene:
     actors = (*follower, *parked, *leaving, shade, car,
               Actor(lambda time: Placement(208, 262), lambda time: post))
     return Scene(view, backdrop, actors, len(actors) - 2,
-                 Camera(lambda time: Placement(shake_x(time), shake_y(time)), noise=4))
+                 FilmCamera(lambda time: Placement(shake_x(time), shake_y(time)), noise=4))
 
 
 def _chimney(view: View, width: float, height: float, rng: np.random.Generator) -> Sprite:
@@ -111,7 +111,7 @@ def helicopter(view: View, rng: np.random.Generator) -> Scene:
     late_x = keyframes(*((float(t), x(max(0, t - 7)) - 160) for t in range(0, 790, 12)))
     late_y = keyframes(*((float(t), 0.35 * (y(max(0, t - 9)) - 110)) for t in range(0, 790, 12)))
     shake_x, shake_y = unrest(rng, 5, 45), unrest(rng, 4, 36)
-    camera = Camera(lambda time: Placement(
+    camera = FilmCamera(lambda time: Placement(
         min(max(late_x(time), 0), 610) + shake_x(time), late_y(time) + shake_y(time)), noise=4)
     return Scene(view, backdrop, (
         rotor, hull, Actor(lambda time: Placement(middle, 262), lambda time: stack)), 1, camera)
