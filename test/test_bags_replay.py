@@ -127,13 +127,13 @@ def test_pictures(repository, tmp_path, capsys):
     assert sheet.shape[0] > 4 * 96 and sheet.shape[1] > 4 * 128
 
 
-@pytest.mark.parametrize('tracker', ['pf', 'gmpf'])
+@pytest.mark.parametrize('tracker', ['pf_paper', 'gmpf_paper'])
 def test_parameters_and_seeds(repository, tmp_path, tracker, capsys):
     """What's set is in force: fewer particles, or other ones, give other boxes on colours."""
     path = str(repository / 'bags' / 'face_fast')
     for name, values in (('plain', []), ('few', ['--set', 'particles=30']), ('other', [
             '--seed', '4'])):
-        assert main(['replay', path, '--tracker', tracker, '--set', 'preset=paper', '--out',
+        assert main(['replay', path, '--tracker', tracker, '--out',
                      str(tmp_path / name), '--no-video', *values]) == 0
     plain, few, other = (rows_of(tmp_path / name) for name in ('plain', 'few', 'other'))
     assert plain != few

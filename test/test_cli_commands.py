@@ -174,7 +174,7 @@ def test_a_parameter_may_have_its_node_name(repository, tmp_path, capsys):
     results = []
     for name in ('pf.particles', 'particles'):
         assert main(['replay', str(repository / 'bags' / 'face_fast'), '--tracker', 'pf', '--set',
-                     f'{name}=30', 'preset=paper', '--out', str(tmp_path / name),
+                     f'{name}=30', '--out', str(tmp_path / name),
                      '--no-video']) == 0
         results.append((tmp_path / name / 'results.csv').read_bytes())
     assert results[0] == results[1]

@@ -6,8 +6,8 @@ from drawn_video import DrawnVideo, SIZE, TARGET
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.correlation_filter import CorrelationFilter
-from vtrack_ros.localisation.initial_template import InitialTemplate
+from vtrack_ros.appearance.regression import CorrelationFilter
+from vtrack_ros.localisation.presence import InitialTemplate
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.target_model import TargetModel
 

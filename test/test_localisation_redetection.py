@@ -8,8 +8,9 @@ from drawn_video import DrawnVideo, TARGET
 import numpy as np
 import pytest
 
-from vtrack_ros.localisation.initial_template import InitialTemplate
-from vtrack_ros.localisation.redetection import has_failed, Redetection, VelocityEstimate
+from vtrack_ros.localisation.localiser import VelocityEstimate
+from vtrack_ros.localisation.presence import has_failed, InitialTemplate
+from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 

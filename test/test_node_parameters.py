@@ -6,7 +6,6 @@ from node_harness import Client, NodeProcess, overlap, Scene
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
-from std_srvs.srv import Trigger
 
 from vtrack_ros.ros.parameters import parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
@@ -74,8 +73,8 @@ def test_declared_from_the_table(talk):
     ('gmpf.sigma', 1, ['gmpf.sigma', '1.0', 'not 1']),
     ('tracker', 'csrt', ['tracker', 'gmpf', 'pf', 'csrt']),
     ('tracker', 3, ['tracker', 'gmpf', '3']),
-    ('abmspf.levels', 12, ['abmspf.levels', '8, 16', 'not 12']),
-    ('abmspf.levels', '8', ['abmspf.levels', '8, 16', "not '8'"]),
+    ('abmspf_paper.levels', 12, ['abmspf_paper.levels', '8, 16', 'not 12']),
+    ('abmspf_paper.levels', '8', ['abmspf_paper.levels', '8, 16', "not '8'"]),
     ('seed', -1, ['seed', '0', '-1']),
     ('init_box', [1.0, 2.0, 3.0], ['init_box', '3 values', 'width']),
     ('init_box', [1.0, 2.0, -3.0, 4.0], ['init_box', 'positive', '-3']),
@@ -170,31 +169,14 @@ def test_init_box_takes_integers_floats_and_nothing(talk):
 def test_choices_of_integers(talk, tmp_path):
     """A number is given as one: while the node runs, and in a file."""
     _, client = talk
-    assert client.change(abmspf__levels=8)[0].successful
-    assert client.get('abmspf.levels') == [8]
+    assert client.change(abmspf_paper__levels=8)[0].successful
+    assert client.get('abmspf_paper.levels') == [8]
     path = tmp_path / 'parameters.yaml'
-    path.write_text('/**:\n  ros__parameters:\n    abms:\n      levels: 8\n')
+    path.write_text('/**:\n  ros__parameters:\n    abms_paper:\n      levels: 8\n')
     with NodeProcess('-r', '__ns:=/levels', '--params-file', str(path)), (
             Client('/levels/tracker')) as other:
         other.ready()
-        assert other.get('abms.levels') == [8]
-
-
-def test_preset_may_change_and_is_in_force_at_the_next_start(talk):
-    """Setting it keeps the target; ~/reinit, or another target, begins with it."""
-    scene, client = talk
-    assert client.change(tracker='abmspf')[0].successful
-    box = scene.box(client.index)
-    assert client.change(init_box=[box.x, box.y, box.width, box.height])[0].successful
-    assert tracks_on(talk)
-    for preset in ('paper', 'default'):
-        assert client.change(abmspf__preset=preset)[0].successful
-        assert client.get('abmspf.preset') == [preset]
-        assert tracks_on(talk, 1)
-        assert client.ask('~/reinit', Trigger).success
-        assert tracks_on(talk, 1)
-    assert client.change(tracker='gmpf')[0].successful
-    assert tracks_on(talk, 1)
+        assert other.get('abms_paper.levels') == [8]
 
 
 @pytest.mark.parametrize('by_file', [False, True])

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import checked_frame, Frame
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import ParameterTable, Value
 
@@ -179,6 +179,30 @@ class Tracker(ABC):
     @abstractmethod
     def _update(self, frame: Frame, dt: float) -> Estimate:
         """Take one checked frame."""
+
+
+def checked_frame(frame: Any) -> Frame:
+    """
+    Return a contiguous frame.
+
+    Raises
+    ------
+    TypeError
+        If it isn't an ndarray of uint8.
+    ValueError
+        If its shape is neither (H, W, 3) nor (H, W), or it's empty.
+
+    """
+    if not isinstance(frame, np.ndarray):
+        raise TypeError(f'frame must be a numpy array of uint8, not {type(frame).__name__}')
+    if frame.dtype != np.uint8:
+        raise TypeError(f'frame must be of uint8, not {frame.dtype}')
+    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[2] != 3):
+        raise ValueError(
+            f'frame must have shape (H, W, 3) in BGR order or (H, W), not {frame.shape}')
+    if 0 in frame.shape:
+        raise ValueError(f'frame must have at least one pixel, but its shape is {frame.shape}')
+    return np.ascontiguousarray(frame)
 
 
 def checked_box(box: Any, frame: Frame) -> None:

@@ -1,4 +1,4 @@
-"""What speaks for an affine frame: colour, the subspace of looks, and keypoints."""
+"""The likelihood of affine frames: colour, the subspace of patches, and keypoints."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.affine_patches import AffinePatches
 from vtrack_ros.appearance.keypoints import PoseChange
 from vtrack_ros.appearance.subspace import Subspace
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
-
-Array = NDArray[np.float64]
 
 #: Residual of a pixel, of 1, that counts half in the robust error norm.
 _OUTLIER = 0.1
@@ -57,7 +55,7 @@ class AffineLikelihood:
     colour : bool
         Whether there's a colour term; a grey frame never has one.
     side : int
-        Samples along each side of a look.
+        Samples along each side of a patch.
 
     """
 
@@ -66,7 +64,7 @@ class AffineLikelihood:
         patches = AffinePatches(frame, first[None], size, side)
         self.size, self.side = size, side
         self.subspace = Subspace.create(patches.grey()[0], components)
-        self._first_look = self.subspace.mean
+        self._first = self.subspace.mean
         self._colours: Array | None = None
         if colour and frame.ndim == 3:
             histogram = patches.colours()[0]
@@ -107,36 +105,36 @@ class AffineLikelihood:
             result -= keypoint_error(states, before, change) / (2 * width**2)
         return result
 
-    def look(self, frame: Frame, state: Array) -> NDArray[np.float32]:
+    def patch(self, frame: Frame, state: Array) -> NDArray[np.float32]:
         """Return the grey patch under one affine frame, shape (d,)."""
         patches = AffinePatches(frame, state[None], self.size, self.side)
         patch: NDArray[np.float32] = patches.grey()[0]
         return patch
 
-    def likeness(self, look: NDArray[np.float32]) -> float:
-        """Return the correlation of a look with the first one, in [-1, 1]."""
-        first, other = self._first_look - self._first_look.mean(), look - look.mean()
+    def similarity(self, patch: NDArray[np.float32]) -> float:
+        """Return the correlation of a patch with the first one, in [-1, 1]."""
+        first, other = self._first - self._first.mean(), patch - patch.mean()
         norm = float(np.sqrt((first @ first) * (other @ other)))
         return float(first @ other) / norm if norm > 1e-6 else 0.0
 
-    def learn(self, look: NDArray[np.float32], interval: int, forgetting: float,
-              components: int) -> None:
+    def update(self, patch: NDArray[np.float32], interval: int, forgetting: float,
+               components: int) -> None:
         """
-        Collect a look; every `interval` looks, update the subspace with them.
+        Collect a patch; every `interval` patches, update the subspace with them.
 
         Parameters
         ----------
-        look : ndarray of float32, shape (d,)
-            The look.
+        patch : ndarray of float32, shape (d,)
+            Of the target.
         interval : int, [frames]
-            How many looks an update takes.
+            How many patches an update takes.
         forgetting : float
-            The weight of the looks before, in (0, 1].
+            The weight of the patches before, in (0, 1].
         components : int
             The most principal components that are kept.
 
         """
-        self._fresh.append(look)
+        self._fresh.append(patch)
         if len(self._fresh) >= interval:
             subspace = replace(self.subspace, limit=components)
             self.subspace = subspace.updated(np.array(self._fresh), forgetting)

@@ -14,12 +14,12 @@ from vtrack_ros.geometry import affine
 
 Points = NDArray[np.float64]
 
-#: Side of the widest window that keypoints are looked for in, in samples.
+#: Side of the widest window that keypoints are searched in, in samples.
 _RESOLUTION = 80
 _KEYPOINTS = 80
 #: A match counts if its descriptor is this much nearer than the second nearest [Lowe 2004].
 _RATIO = 0.8
-#: Known descriptors this much farther than the nearest are looks of the same keypoint.
+#: Known descriptors this much farther than the nearest are views of the same keypoint.
 _SAME = 1.25
 _TRIALS = 100
 #: Fewest matches that agree, and the fewest as a share of all.
@@ -126,7 +126,7 @@ def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
     Return which known descriptors were seen again, and as which.
 
     A match has to be better than the second best by Lowe's ratio. What was seen may be more than
-    one of those known, if they're about as near: then they are looks of the same keypoint.
+    one of those known, if they're about as near: then they are views of the same keypoint.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The subspace of a target's looks: incremental principal components with a robust error."""
+"""The subspace of a target's patches: incremental principal components with a robust error."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ _BLOCK = 64
 @dataclass(frozen=True)
 class Subspace:
     """
-    Mean and principal components of all looks so far, older ones counting less.
+    Mean and principal components of all patches so far, older ones counting less.
 
-    The model is probabilistic PCA: a look is a point of the subspace plus noise. It's updated by
+    The model is probabilistic PCA: a patch is a point of the subspace plus noise. It's updated by
     the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.2, figure 2].
 
     Parameters
     ----------
     mean : ndarray of float32, shape (d,)
-        The mean look.
+        The mean patch.
     components : ndarray of float32, shape (d, k)
         Orthonormal columns, by falling singular value.
     singular_values : ndarray, shape (k,)
-        Of the centred looks.
+        Of the centred patches.
     count : float
-        How many looks this stands for, with forgetting.
+        How many patches this stands for, with forgetting.
     limit : int
         The largest k.
 
@@ -43,31 +43,31 @@ class Subspace:
     limit: int
 
     @classmethod
-    def create(cls, look: Vectors, limit: int = 16) -> Subspace:
-        """Begin with one look, shape (d,): its subspace is a point."""
-        return cls(look.astype(np.float32), np.zeros((len(look), 0), np.float32), np.zeros(0),
+    def create(cls, patch: Vectors, limit: int = 16) -> Subspace:
+        """Begin with one patch, shape (d,): its subspace is a point."""
+        return cls(patch.astype(np.float32), np.zeros((len(patch), 0), np.float32), np.zeros(0),
                    1.0, limit)
 
-    def updated(self, looks: Vectors, forgetting: float = 0.95) -> Subspace:
+    def updated(self, patches: Vectors, forgetting: float = 0.95) -> Subspace:
         """
-        Return the subspace after a batch of looks.
+        Return the subspace after a batch of patches.
 
         Parameters
         ----------
-        looks : ndarray, shape (m, d)
-            The looks, in rows.
+        patches : ndarray, shape (m, d)
+            The patches, in rows.
         forgetting : float
             The weight of everything before, in (0, 1]; 1 forgets nothing.
 
         """
-        fresh = looks.astype(np.float64)
+        fresh = patches.astype(np.float64)
         many, before = len(fresh), forgetting * self.count
         count = before + many
         own_mean, mean = fresh.mean(0), self.mean.astype(np.float64)
         # the difference of the means is one more vector [Ross2008, lemma 1]
         apart = np.sqrt(before * many / count) * (own_mean - mean)
         # forgetting weighs the scatter as it does the count; [Ross2008, sec. 3.3] weighs the
-        # singular values, so that old looks fade twice as fast in the scatter as in the mean
+        # singular values, so that old patches fade twice as fast in the scatter as in the mean
         columns = np.concatenate([
             np.sqrt(forgetting) * self.components * self.singular_values,
             (fresh - own_mean).T, apart[:, None]], axis=1)
@@ -77,19 +77,19 @@ class Subspace:
             ((before * mean + many * own_mean) / count).astype(np.float32),
             components[:, :kept].astype(np.float32), values[:kept], count, self.limit)
 
-    def residuals(self, looks: Vectors) -> Vectors:
-        """Return what the subspace doesn't explain of looks of shape (n, d): the same shape."""
-        difference: Vectors = looks - self.mean
+    def residuals(self, patches: Vectors) -> Vectors:
+        """Return what the subspace doesn't explain of patches of shape (n, d): the same shape."""
+        difference: Vectors = patches - self.mean
         difference -= (difference @ self.components) @ self.components.T
         return difference
 
-    def distance(self, looks: Vectors) -> Vectors:
+    def distance(self, patches: Vectors) -> Vectors:
         """Return the Euclidean distance from the subspace, shape (n,) [Xiang, sec. 3.3.2]."""
-        residuals = self.residuals(looks)
+        residuals = self.residuals(patches)
         squares: Vectors = np.einsum('nd,nd->n', residuals, residuals)
         return np.sqrt(squares)
 
-    def robust_error(self, looks: Vectors, width: float) -> Vectors:
+    def robust_error(self, patches: Vectors, width: float) -> Vectors:
         """
         Return the mean over the pixels of e^2 / (e^2 + width^2), e the residual.
 
@@ -98,10 +98,10 @@ class Subspace:
 
         Parameters
         ----------
-        looks : ndarray of float32, shape (n, d)
-            The looks, in rows.
+        patches : ndarray of float32, shape (n, d)
+            The patches, in rows.
         width : float
-            The residual, in units of the looks, that counts half.
+            The residual, in units of the patches, that counts half.
 
         Returns
         -------
@@ -109,9 +109,9 @@ class Subspace:
             In [0, 1).
 
         """
-        errors = np.empty(len(looks), np.float32)
-        for first in range(0, len(looks), _BLOCK):
-            squares = self.residuals(looks[first:first + _BLOCK])
+        errors = np.empty(len(patches), np.float32)
+        for first in range(0, len(patches), _BLOCK):
+            squares = self.residuals(patches[first:first + _BLOCK])
             squares *= squares
             squares /= squares + np.float32(width**2)
             errors[first:first + _BLOCK] = squares.mean(1)

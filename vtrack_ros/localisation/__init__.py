@@ -16,13 +16,13 @@ about a place, decides for a place (with its filter, its particles, or none), an
                                                                   |
           PresenceDetector: confidence, and for how long the target hasn't been seen
 
-`search_window` lays out and describes the window, `target_model` knows the target (correlation
-filter, colours, scale), `response_map` is what it answers, `initial_template` verifies places,
-`presence` judges whether the target is there, `redetection` notices failures and searches. Beside
-them, `upright_search` turns the frame for targets that turn, `mean_shift` climbs and fuses.
+`search_window` has the window and the response over it, `target_model` what is known of the target
+(correlation filter, colours, scale), `presence` judges whether it's there, `redetection` searches
+when tracking has failed, `localiser` composes them. Beside them, `upright_search` turns the frame
+for targets that turn, `mean_shift` climbs a response and fuses [Yin2013].
 """
 
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import ResponseMap
 
 __all__ = ['Localiser', 'ResponseMap']

@@ -9,12 +9,10 @@ import numpy as np
 
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.initial_template import InitialTemplate
-from vtrack_ros.localisation.presence import PresenceDetector, state_after, unknown_covariance
-from vtrack_ros.localisation.redetection import (
-    ALWAYS_GOOD, has_failed, Redetection, VelocityEstimate)
-from vtrack_ros.localisation.response_map import ResponseMap
-from vtrack_ros.localisation.search_window import inside, WindowLayout
+from vtrack_ros.localisation.presence import (
+    ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
+from vtrack_ros.localisation.redetection import Redetection
+from vtrack_ros.localisation.search_window import inside, ResponseMap, WindowLayout
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
 
@@ -27,6 +25,8 @@ _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
 _SMALLEST, _LARGEST = 0.2, 5.0
+#: Weight of the latest step in the velocity.
+_VELOCITY_RATE = 0.3
 
 
 class Localiser:
@@ -204,3 +204,29 @@ class Localiser:
                                         self._searches, self._rng)
         else:
             self._live = self._live.with_response(peak).with_similarity(self._similarity)
+
+
+class VelocityEstimate:
+    """
+    The running mean of a target's velocity, [px/frame], while it's tracked.
+
+    Each step is taken when the next one begins: by then a tracker that turns the frame has put
+    its end right.
+    """
+
+    def __init__(self) -> None:
+        self.velocity: Point = (0.0, 0.0)
+        self._latest: tuple[Point, float] | None = None
+
+    def begin(self, center: Point, dt: float) -> None:
+        """Begin a step of `dt` frames at a place, in pixels, where the one before it ended."""
+        if self._latest is not None:
+            start, duration = self._latest
+            x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / duration
+                    for velocity, now, then in zip(self.velocity, center, start))
+            self.velocity = x, y
+        self._latest = center, dt
+
+    def interrupt(self) -> None:
+        """Take the step that has begun for none: the target isn't tracked any more."""
+        self._latest = None

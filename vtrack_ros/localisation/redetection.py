@@ -1,4 +1,4 @@
-"""Tracking failures: how they're noticed, and how the target is found again."""
+"""Re-detection: how a target is searched and found again after a tracking failure."""
 
 from __future__ import annotations
 
@@ -8,15 +8,10 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
-from vtrack_ros.localisation.initial_template import InitialTemplate
-from vtrack_ros.localisation.presence import EVEN_SIMILARITY
+from vtrack_ros.localisation.presence import EVEN_SIMILARITY, InitialTemplate
 from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
-#: Tracking fails when the response falls below this share of the usual one, or the similarity
-#: below its share (or below a level that is trusted in every target).
-_FAILED_RESPONSE = 0.7
-_FAILED_SIMILARITY, ALWAYS_GOOD = 0.6, 0.15
 #: Similarity that ends the failure, or justifies a jump: the lower of a share and a level, but
 #: never one that speaks against the target.
 _TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
@@ -35,8 +30,6 @@ _WORTH_VERIFYING = 0.5
 _EXTRAPOLATED_FRAMES = 60
 #: By which factor the size of a target may change that isn't certain.
 _DRIFT = 1.5
-#: Weight of the latest step in the velocity.
-_VELOCITY_RATE = 0.3
 
 
 @dataclass(frozen=True)
@@ -191,45 +184,3 @@ class Redetection:
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
         row, column = divmod(int(colour.argmax()), colour.shape[1])
         return float(column * stride), float(row * stride)
-
-
-class VelocityEstimate:
-    """
-    The running mean of a target's velocity, [px/frame], while it's tracked.
-
-    Each step is taken when the next one begins: by then a tracker that turns the frame has put
-    its end right.
-    """
-
-    def __init__(self) -> None:
-        self.velocity: Point = (0.0, 0.0)
-        self._latest: tuple[Point, float] | None = None
-
-    def begin(self, center: Point, dt: float) -> None:
-        """Begin a step of `dt` frames at a place, in pixels, where the one before it ended."""
-        if self._latest is not None:
-            start, duration = self._latest
-            x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / duration
-                    for velocity, now, then in zip(self.velocity, center, start))
-            self.velocity = x, y
-        self._latest = center, dt
-
-    def interrupt(self) -> None:
-        """Take the step that has begun for none: the target isn't tracked any more."""
-        self._latest = None
-
-
-def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:
-    """
-    Tell whether tracking has failed.
-
-    Parameters
-    ----------
-    known : TargetSnapshot
-        Of before the frame.
-    similarity, peak : float
-        Of the place to the initial template, and the highest response about it.
-
-    """
-    least = min(_FAILED_SIMILARITY * known.usual_similarity, ALWAYS_GOOD)
-    return peak < _FAILED_RESPONSE * known.usual_response or similarity < least

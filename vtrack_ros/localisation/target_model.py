@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.colour_model import box_mean, ColourModel
-from vtrack_ros.appearance.correlation_filter import CorrelationFilter
-from vtrack_ros.appearance.scale import ScaleRegression
+from vtrack_ros.appearance.regression import CorrelationFilter, ScaleRegression
 from vtrack_ros.frame import Frame, Point
-from vtrack_ros.localisation.response_map import ResponseMap
-from vtrack_ros.localisation.search_window import SearchWindow, WindowLayout
+from vtrack_ros.localisation.search_window import ResponseMap, SearchWindow, WindowLayout
 
 #: Standard deviation of the wanted response, as a share of the target's size.
 _LABEL_WIDTH = 1 / 16

@@ -11,7 +11,7 @@ import numpy as np
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import ResponseMap
 
 #: When the response falls short of this share of the usual one, another rotation is tried if it
 #: differs by that, [rad], and taken if the response is so much higher in it.

@@ -112,11 +112,11 @@ class AffineParticleTracker(Tracker):
         weights /= weights.sum()
         self._state = particles.mean(weights)
         self._settled()
-        patch = self._likelihood.look(frame, self._state)
-        self._likelihood.learn(
+        patch = self._likelihood.patch(frame, self._state)
+        self._likelihood.update(
             patch, int(values['update_interval']), float(values['forgetting']),
             int(values['eigenvectors']))
-        estimate = self._estimate(weights, self._likelihood.likeness(patch), dt)
+        estimate = self._estimate(weights, self._likelihood.similarity(patch), dt)
         particles.resample(weights, int(values['particles']))
         return estimate
 

@@ -41,7 +41,7 @@ This page and the files `config/*.yaml` are made from the table in the code by
 
 def files() -> dict[str, str]:
     """Return the path in the source tree -> the text of every file."""
-    texts = {f'config/{name}.yaml': _yaml(name) for name in tracker_names()}
+    texts = {f'config/{name}.yaml': _yaml(name) for name in tracker_names(replicas=False)}
     texts['docs/parameters.md'] = _markdown()
     return texts
 
@@ -69,7 +69,7 @@ def _yaml(tracker: str) -> str:
     for row in cls.PARAMETERS.values():
         lines += _entry(row, row.default, 6)
     if not cls.PARAMETERS:
-        lines.pop()
+        del lines[-2:]
     return '\n'.join(lines) + '\n'
 
 
@@ -98,7 +98,8 @@ def _markdown() -> str:
     for tracker in tracker_names():
         cls = tracker_class(tracker)
         lines += [f'## `{tracker}`: {cls.SUMMARY}', '']
-        lines += [*_table(cls.PARAMETERS.values(), f'{tracker}.'), '']
+        lines += [*_table(cls.PARAMETERS.values(), f'{tracker}.'), ''] if cls.PARAMETERS else [
+            'It has no parameters of its own.', '']
     return '\n'.join(lines).rstrip() + '\n'
 
 

@@ -6,46 +6,32 @@ from typing import Any
 
 import numpy as np
 
+from vtrack_ros.replicas import REPLICAS
 from vtrack_ros.tracker import Tracker
-from vtrack_ros.trackers.affine import (
-    AffineKeypointParticleFilter, AffineParticleFilter, SubspaceParticleFilter)
-from vtrack_ros.trackers.mean_shift import (
-    AdaptiveBandwidthMeanShift, MeanShiftParticleFilter)
-from vtrack_ros.trackers.particle import (
-    ColourParticleFilter, GreyParticleFilter, KalmanParticleFilter, PrunedQuadratureParticleFilter,
-    QuadratureParticleFilter, UnscentedParticleFilter)
+from vtrack_ros.trackers.abmspf import MeanShiftParticleFilter
+from vtrack_ros.trackers.appf import AffineKeypointParticleFilter
+from vtrack_ros.trackers.dcf import CorrelationTracker
+from vtrack_ros.trackers.particle_tracker import (
+    GreyParticleFilter, PriorParticleFilter, PrunedQuadratureParticleFilter)
 
-_CLASSES: tuple[type[Tracker], ...] = (
+_PRODUCT: tuple[type[Tracker], ...] = (
     GreyParticleFilter,
     PrunedQuadratureParticleFilter,
     MeanShiftParticleFilter,
     AffineKeypointParticleFilter,
-    ColourParticleFilter,
-    KalmanParticleFilter,
-    UnscentedParticleFilter,
-    QuadratureParticleFilter,
-    AdaptiveBandwidthMeanShift,
-    AffineParticleFilter,
-    SubspaceParticleFilter,
+    PriorParticleFilter,
+    CorrelationTracker,
 )
-_REGISTRY = {cls.NAME: cls for cls in _CLASSES}
+_REGISTRY = {cls.NAME: cls for cls in (*_PRODUCT, *REPLICAS)}
 
 
-def tracker_names() -> tuple[str, ...]:
-    """Return the names of all trackers."""
-    return tuple(_REGISTRY)
+def tracker_names(replicas: bool = True) -> tuple[str, ...]:
+    """Return the names of all trackers, or without the replicas of the papers."""
+    return tuple(_REGISTRY) if replicas else tuple(cls.NAME for cls in _PRODUCT)
 
 
 def tracker_class(name: str) -> type[Tracker]:
-    """
-    Return the class of a tracker.
-
-    Raises
-    ------
-    ValueError
-        If there is no tracker of that name; the message lists those that there are.
-
-    """
+    """Return the class of a tracker; the ValueError of an unknown one lists those there are."""
     if name not in _REGISTRY:
         raise ValueError(f'unknown tracker {name!r}; valid are ' + ', '.join(_REGISTRY))
     return _REGISTRY[name]

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.scale import ScaleRegression
+from vtrack_ros.appearance.regression import ScaleRegression
 
 SIDE = 300
 CENTER = (SIDE / 2, SIDE / 2)

@@ -1,16 +1,35 @@
-"""A discriminative correlation filter over feature maps."""
+"""
+Ridge regressions from features: where a target is, and by how much it grew.
+
+Both average their examples over time, and neither is changed in place.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from vtrack_ros.appearance.features import Features, GRADIENT_CHANNELS, oriented_gradients
+from vtrack_ros.frame import Frame, Point
 
 Spectrum = NDArray[np.complex64]
 
 _WHOLE = slice(None)
+
+_CELL = 4
+#: Samples of one patch, at most.
+_AREA = 1200
+#: Side of the sampled region, in units of the target's: its outline has to be in it.
+_REACH = 1.4
+#: Logarithms of the scales that are learned, and of the scale that is measured.
+_EXAMPLES = 0.1 * np.arange(-2, 3)
+_AS_IT_IS = np.zeros(1)
+#: Ridge, as a share of the examples' mean energy.
+_RIDGE = 0.1
 
 
 @dataclass(frozen=True)
@@ -54,7 +73,7 @@ class CorrelationFilter:
                    (rows, columns), regularisation)
 
     @staticmethod
-    def transform(features: NDArray[np.float32]) -> Spectrum:
+    def transform(features: Features) -> Spectrum:
         """Return the spectrum of features of shape (channels, rows, columns), edges faded."""
         channels, rows, columns = features.shape
         over_columns, over_rows = _transform(rows, columns)
@@ -65,7 +84,7 @@ class CorrelationFilter:
         return np.ascontiguousarray(spectrum.swapaxes(0, 1))
 
     def updated(self, spectrum: Spectrum, rate: float,
-                shift: tuple[float, float] = (0.0, 0.0)) -> CorrelationFilter:
+                shift: Point = (0.0, 0.0)) -> CorrelationFilter:
         """
         Return the filter after one more example.
 
@@ -137,6 +156,100 @@ class CorrelationFilter:
     @cached_property
     def _divisor(self) -> NDArray[np.float32]:
         return self.denominator + np.float32(self.regularisation)
+
+
+@dataclass(frozen=True)
+class ScaleRegression:
+    """
+    Tells by which factor the target grew.
+
+    A hyperplane tracker [Jurie and Dhome 2002] for one parameter: what the target would look like
+    if the box were too small or too large is known by resampling one image, and ridge regression
+    finds the weights with which the features give the logarithm of the size's error.
+
+    Parameters
+    ----------
+    grid : ndarray of float32, shape (2, rows, columns), [px]
+        Sample points (x, y) of one patch, from the target's centre.
+    examples : ndarray of float32, shape (examples, features)
+        Running average of the features at all scales.
+    weights : ndarray of float32, shape (features,)
+    offset : float
+        An estimate is `weights @ features + offset`.
+
+    """
+
+    grid: NDArray[np.float32]
+    examples: NDArray[np.float32]
+    weights: NDArray[np.float32]
+    offset: float
+
+    @classmethod
+    def create(cls, width: float, height: float) -> ScaleRegression:
+        """Make an empty regression for a target of that size in the images to come, in pixels."""
+        width, height = _REACH * width, _REACH * height
+        shrink = np.sqrt(min(1.0, _AREA / (width * height)))
+        columns, rows = (max(2, round(side * shrink / _CELL)) * _CELL for side in (width, height))
+        x, y = (side * ((np.arange(samples) + 0.5) / samples - 0.5)
+                for side, samples in ((width, columns), (height, rows)))
+        grid = np.stack(np.meshgrid(x, y)).astype(np.float32)
+        nothing = np.empty(0, np.float32)
+        return cls(grid, nothing, nothing, 0.0)
+
+    def growth(self, grey: Frame, center: Point) -> float:
+        """
+        Return the factor by which the target is larger than it was learned.
+
+        Parameters
+        ----------
+        grey : ndarray of uint8, shape (H, W)
+            An image that shows the target.
+        center : tuple of float, [px]
+            The target's centre in that image.
+
+        """
+        excess = float(self._features(grey, center, _AS_IT_IS)[0] @ self.weights) + self.offset
+        return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
+
+    def updated(self, grey: Frame, center: Point, growth: float,
+                rate: float) -> ScaleRegression:
+        """
+        Return the regression after an example of the target, `growth` times as large as before.
+
+        Parameters
+        ----------
+        grey, center
+            As in `growth`.
+        growth : float
+            The factor.
+        rate : float
+            The example's weight in the running average; 1 forgets all that was before.
+
+        """
+        examples = self._features(grey, center, _EXAMPLES + np.log(growth))
+        if rate < 1:
+            examples *= np.float32(rate)
+            examples += np.float32(1 - rate) * self.examples
+        mean = examples.mean(axis=0)
+        differences = examples - mean
+        products = differences @ differences.T
+        ridge = _RIDGE * np.trace(products) / len(products) + 1e-6
+        dual = np.linalg.solve(products + ridge * np.eye(len(products)), _EXAMPLES)
+        weights = dual.astype(np.float32) @ differences
+        return ScaleRegression(self.grid, examples, weights, -float(mean @ weights))
+
+    def _features(self, grey: Frame, center: Point,
+                  scales: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the gradients, shape (scales, features), at logarithms of scale."""
+        columns = self.grid.shape[2]
+        factors = np.exp(scales).astype(np.float32)[:, None, None]
+        # OpenCV counts from the centre of a pixel, boxes from its outer corner
+        x, y = ((factors * axis + np.float32(middle - 0.5)).reshape(-1, columns)
+                for axis, middle in zip(self.grid, center))
+        # one below the other; that a patch's first and last rows see their neighbour does no harm
+        stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        features = oriented_gradients(stack, _CELL).reshape(GRADIENT_CHANNELS, len(scales), -1)
+        return features.transpose(1, 0, 2).reshape(len(scales), -1)
 
 
 @lru_cache(maxsize=32)

@@ -1,0 +1,110 @@
+"""ABMSPF: adaptive-bandwidth mean shift fused with few particles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.ellipse import SIGMA
+from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.localisation.mean_shift import climb, climbing_weights, fuse
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.tracker import Estimate, Tracker
+
+#: Steps of a climb at most, and the step in cells that ends it, with either bandwidth.
+_COARSE_STEPS, _COARSE_TOLERANCE = 8, 0.1
+_FINE_STEPS, _FINE_TOLERANCE = 8, 0.02
+#: Bandwidth of the last steps, in target sizes: half the width of the response's peak.
+_FINE = 1 / 32
+#: Response as a likelihood: so many times the share of the highest response that is missing is
+#: the negative logarithm.
+_SHARPNESS = 20.0
+
+
+class MeanShiftParticleFilter(Tracker):
+    """
+    Mean shift and few particles on the response map, in place of pixels' colours [Yin2013].
+
+    As in the paper, a climb from the last place gives y_ms, the best particle gives y_pf, the two
+    are fused by their distance and the similarity (eqs 13-15), the particles converge on the
+    result and are redrawn about it. What differs is what is climbed: not the colour histogram's
+    weights, but the response of a discriminative model, of which zeta is the share of the usual
+    one. When the fused place is null, the extended search starts with the window's best place.
+
+    The bandwidth follows the size that the model finds. The angle is 0: the second moments of a
+    foreground map turn with limbs and background rather than with the target.
+    """
+
+    NAME = 'abmspf'
+    SUMMARY = 'adaptive-bandwidth mean shift with particles (ABMSPF)'
+    PARAMETERS = ParameterTable([
+        Parameter('rejected', 0.5, 'Similarity r below which the target counts as hidden.', 0.0,
+                  1.0),
+        Parameter('particles', 20, 'Number of particles.', 1, 2000),
+        Parameter('accepted', 0.8, 'Similarity th from which mean shift is trusted.', 0.0, 1.0),
+        Parameter('region', 0.5, 'Reach of the redrawn particles, in semi-axes of the target.',
+                  0.0, 5.0),
+        Parameter('inertia', 0.5, 'Share of the last step that the motion model expects again.',
+                  0.0, 1.0),
+    ])
+
+    def _configure(self) -> None:
+        """Every parameter is read when it's needed."""
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
+        self._velocity = np.zeros(2)
+        return self._localiser.estimate(
+            np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
+
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        localiser, values = self._localiser, self._parameters
+        before = localiser.center
+        response = localiser.localise(frame, before)
+        weights = climbing_weights(response.values)
+        climbed = self._climbed(response, weights, before)
+        points = self._drawn(before) + dt * float(values['inertia']) * self._velocity
+        best = points[int(response.sample(points).argmax())]
+        zeta = min(response.sample_one(climbed) / localiser.usual_response, 1.0)
+        place = fuse(
+            zeta, climbed, self._climbed(response, weights, (best[0], best[1])), SIGMA,
+            max(localiser.size) / 2, float(values['accepted']), float(values['rejected']))
+        center = response.unless_dominated(response.center if place is None else place)
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = _spread(response, center)
+        elsewhere = localiser.update(frame, response, center, dt)
+        step = np.subtract(localiser.center, before) / dt
+        self._velocity = np.zeros(2) if elsewhere else (self._velocity + step) / 2
+        return localiser.estimate(covariance, particles=self._boxes(points))
+
+    def _climbed(self, response: ResponseMap, weights: Array, start: Point) -> Point:
+        """Climb from a place with the target's bandwidth, then with the peak's."""
+        size, cell = np.array(self._localiser.size), response.window.cell
+        place = response.cells(np.array([start]))[0]
+        place = climb(weights, place, size / (2 * SIGMA) / cell, _COARSE_STEPS, _COARSE_TOLERANCE)
+        place = climb(
+            weights, place, np.maximum(size * _FINE / cell, 0.6), _FINE_STEPS, _FINE_TOLERANCE)
+        return response.place(place)
+
+    def _drawn(self, center: Point) -> Array:
+        """Redraw the particles uniformly about a place [Yin2013, sec. 2.2]."""
+        uniform = self._rng.uniform(-1.0, 1.0, (int(self._parameters['particles']), 2))
+        reach = float(self._parameters['region']) * np.array(self._localiser.size) / 2
+        return np.array(center) + reach * uniform
+
+    def _boxes(self, points: Array) -> Array:
+        return np.concatenate([points, np.broadcast_to(self._localiser.size, points.shape)], 1)
+
+
+def _spread(response: ResponseMap, center: Point) -> Array:
+    """Return the covariance of the place under the response taken as a likelihood, [px^2]."""
+    rows, columns = response.values.shape
+    x, y = np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64)
+    likelihood = np.exp(_SHARPNESS * (response.values / max(response.peak, 1e-6) - 1))
+    at_x, at_y = response.cells(np.array([center]))[0]
+    x, y = (x - at_x) * response.window.cell[0], (y - at_y) * response.window.cell[1]
+    in_x, in_y = likelihood.sum(0), likelihood.sum(1)
+    total = in_x.sum()
+    cross = float(y @ likelihood @ x) / total
+    return np.array([[in_x @ x**2 / total, cross], [cross, in_y @ y**2 / total]])

@@ -1,0 +1,35 @@
+"""The discriminative correlation filter alone: no filter over time, no particles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation import Localiser
+from vtrack_ros.parameters import ParameterTable
+from vtrack_ros.tracker import Estimate, Tracker
+
+
+class CorrelationTracker(Tracker):
+    """
+    Believes the highest response in the window about the last place.
+
+    What the other trackers add to it is seen by comparison.
+    """
+
+    NAME = 'dcf'
+    SUMMARY = 'discriminative correlation filter without particles (DCF)'
+    PARAMETERS = ParameterTable([])
+
+    def _configure(self) -> None:
+        """Nothing depends on parameters."""
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
+        return self._localiser.estimate(np.zeros((4, 4)))
+
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        response = self._localiser.localise(frame, self._localiser.center)
+        self._localiser.update(frame, response, response.center, dt)
+        return self._localiser.estimate(np.zeros((4, 4)))

@@ -1,0 +1,200 @@
+"""Particle filters over the target's place: one tracker, three proposals."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import partial
+import math
+
+import numpy as np
+
+from vtrack_ros.estimation import (
+    ConstantVelocity, GaussianFilterProposal, GaussianNoise, GreyProposal, ParticleFilter,
+    PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, spread_about)
+from vtrack_ros.frame import Array, Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.tracker import Estimate, Tracker
+
+#: Error of the measured centre, as a share of the target's mean side, where it's seen well.
+_MEASURED_ERROR = 0.05
+#: The model of motion is made anew when the target's size has changed by this share.
+_OTHER_SIZE = 0.1
+#: Standard deviations of place and velocity at the start, as shares of the mean side.
+_START = np.array([0.03, 0.03, 0.05, 0.05])
+
+_SHARED = ParameterTable([
+    Parameter('particles', 150, 'Number of particles.', 2, 5000),
+    Parameter('acceleration', 0.2, 'Standard deviation of the change of velocity a frame, as a '
+              "share of the target's mean side.", 0.001, 2.0),
+    Parameter('temperature', 0.07, 'Share of the usual response that makes a factor of e in the '
+              'likelihood.', 0.01, 1.0),
+    Parameter('threshold', 1.0, 'Resample when the effective sample size falls below this share '
+              'of the particles.', 0.0, 1.0),
+])
+_WEIGHTING = ParameterTable([
+    Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
+              'proposal.', choices=('simplified', 'full')),
+])
+
+
+class ParticleTracker(Tracker):
+    """
+    A particle filter that decides between the maxima of the response.
+
+    The state is (cx, cy, vx, vy), in pixels and frames, at nearly constant velocity [Zhu2012, eq.
+    19]; the size is the scale regression's. The response is the particles' likelihood, and the
+    maximum next to their mean is the estimate: a weighted mean is no more exact than the
+    particles are dense. What is clearly the highest is believed against the prior, for targets
+    dart off. A subclass gives the proposal.
+    """
+
+    PARAMETERS = _SHARED
+    _localiser: Localiser
+    _filter: ParticleFilter
+
+    @abstractmethod
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        """Return the proposal for a model of motion."""
+
+    def _measured(self, response: ResponseMap) -> tuple[Array, GaussianNoise] | tuple[None, None]:
+        """Return the measured centre and its error, for a proposal that uses them."""
+        return None, None
+
+    def _configure(self) -> None:
+        # the model of motion and the filter are made anew in the next frame
+        self._side = 0.0
+
+    def _start(self, frame: Frame, box: Box) -> Estimate:
+        self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
+        self._restart()
+        return self._localiser.estimate(
+            np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
+
+    def _update(self, frame: Frame, dt: float) -> Estimate:
+        self._adapt()
+        localiser = self._localiser
+        response = localiser.localise(frame, localiser.center)
+        center, error = self._measured(response)
+        proposed = self._filter.propose(center, dt, error)
+        boxes = self._boxes(proposed.states)
+        likelihood = response.sample(proposed.states[:, :2])
+        likelihood *= 1 / (float(self._parameters['temperature']) * localiser.usual_response)
+        weights = self._filter.weight(proposed, likelihood, dt).belief.weights.values
+        mean = weights @ boxes
+        place = response.local_maximum((float(mean[0]), float(mean[1])))
+        if localiser.update(frame, response, response.unless_dominated(place), dt):
+            self._restart()
+        else:
+            self._correct()
+        return localiser.estimate(spread_about(mean, boxes, weights), particles=boxes)
+
+    def _adapt(self) -> None:
+        """Make the filter anew when the target's size, or a parameter, has changed."""
+        side = math.sqrt(math.prod(self._localiser.size))
+        if self._side and abs(side - self._side) < _OTHER_SIZE * self._side:
+            return
+        belief = self._filter.belief
+        self._filter = self._create_filter(side)
+        self._filter.belief = belief
+        if len(belief) != self._filter.particles:
+            picked = self._rng.choice(len(belief), self._filter.particles, p=belief.weights.values)
+            self._filter.set_particles(belief.states[picked])
+
+    def _create_filter(self, side: float) -> ParticleFilter:
+        parameters = self._parameters
+        self._side = side
+        model = ConstantVelocity(
+            2, acceleration_density=(float(parameters['acceleration']) * side)**2)
+        return ParticleFilter(
+            model, self._proposal(model), particles=int(parameters['particles']),
+            threshold=float(parameters['threshold']),
+            weighting=str(parameters.get('weighting', 'simplified')), rng=self._rng)
+
+    def _restart(self) -> None:
+        """Put the particles about the target's place, at rest."""
+        side = math.sqrt(math.prod(self._localiser.size))
+        self._filter = self._create_filter(side)
+        self._filter.start(
+            np.array([*self._localiser.center, 0.0, 0.0]), np.diag((_START * side)**2))
+
+    def _correct(self) -> None:
+        """Let the forecast build on the target's place, not on the particles' mean."""
+        estimates = self._filter.belief.estimates
+        if estimates:
+            latest = estimates[-1].copy()
+            latest[:2] = self._localiser.center
+            self._filter.correct_estimate(latest)
+
+    def _boxes(self, states: Array) -> Array:
+        """Return the states' boxes, shape (N, 4)."""
+        boxes = np.empty((len(states), 4))
+        boxes[:, :2] = states[:, :2]
+        boxes[:, 2:] = self._localiser.size
+        return boxes
+
+
+class PriorParticleFilter(ParticleTracker):
+    """PF: the transition prior as the proposal (Condensation), the papers' baseline."""
+
+    NAME = 'pf'
+    SUMMARY = 'particle filter (Condensation), the baseline of the papers'
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        return PriorProposal()
+
+
+class GreyParticleFilter(ParticleTracker):
+    """
+    GMPF: a grey forecast of the past estimates as the proposal [Zhu2012].
+
+    Printed otherwise, and mended: eqs 14 and 16, see `estimation.grey`; the particles are moved
+    to the forecast in place of drawn from a Gaussian whose spread (eq. 17) holds the square of
+    the motion but not the uncertainty about it; a share of them comes from the transition prior,
+    as in Chen et al. (2009), which the paper cites, for a few wrong forecasts in a row carry all
+    others away.
+    """
+
+    NAME = 'gmpf'
+    SUMMARY = 'grey-prediction particle filter (GMPF)'
+    PARAMETERS = _SHARED + _WEIGHTING + ParameterTable([
+        Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
+                  unit='frames'),
+        Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws; '
+                  'the paper has none.', 0.0, 0.9),
+        Parameter('floor', 1.0, "How much of the process noise is added to the proposal's "
+                  'covariance.', 0.001, 100.0),
+    ])
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        parameters = self._parameters
+        return GreyProposal(
+            int(parameters['window']), float(parameters['floor']), spread='moved',
+            prior_share=float(parameters['prior_share']),
+            densities=parameters['weighting'] == 'full', velocities={2: 0, 3: 1})
+
+
+class PrunedQuadratureParticleFilter(ParticleTracker):
+    """P-QKPF: a pruned quadrature Kalman filter for each particle [Qi2012, eqs 20-22]."""
+
+    NAME = 'pqkpf'
+    SUMMARY = 'pruned quadrature Kalman particle filter (P-QKPF)'
+    PARAMETERS = _SHARED + _WEIGHTING + ParameterTable([
+        Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
+        Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
+                  'share of the particles.', 0.0, 1.0),
+    ])
+
+    def _proposal(self, model: ConstantVelocity) -> Proposal:
+        rule = partial(pruned_gauss_hermite, order=int(self._parameters['order']))
+        return GaussianFilterProposal(SigmaPointFilter(model, rule))
+
+    def _measured(self, response: ResponseMap) -> tuple[Array, GaussianNoise] | tuple[None, None]:
+        """Measure the centre where the response is highest, while the target is seen."""
+        localiser = self._localiser
+        if localiser.unseen_frames:
+            return None, None
+        quality = min(max(response.peak / localiser.usual_response, 0.2), 1.0)
+        error = _MEASURED_ERROR * math.sqrt(math.prod(localiser.size)) / quality
+        return np.array(response.center), GaussianNoise.from_covariance(error**2 * np.eye(2))
