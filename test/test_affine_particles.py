@@ -88,9 +88,8 @@ def test_size_shape_and_place_stay_bounded(kind):
         assert (np.abs(particles.states[:, :2, 2] - 50) < 50 + scales[:, None]).all()
 
 
-@pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])
-def test_gathered_and_grown_particles_are_still_so_after_the_next_step(kind):
-    particles = kind(_state(), 8, _LIMIT, np.random.default_rng(0))
+def test_gathered_and_grown_particles_are_still_so_after_the_next_step():
+    particles = GroupParticles(_state(), 8, _LIMIT, np.random.default_rng(0))
     particles.gather(np.array([9.0, 4.0]), 0.5)
     particles.grow(2.0)
     particles.propose(1.0, np.zeros(6), 0.0)

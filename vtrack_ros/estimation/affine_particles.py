@@ -75,21 +75,6 @@ class AffineParticles(ABC):
     def mean(self, weights: Array) -> Array:
         """Return the estimate, shape (3, 3), from normalised weights, shape (N,)."""
 
-    def gather(self, place: Array, share: float) -> None:
-        """Move a share of the particles, all by the same step, so that their mean is a place."""
-        count = round(share * len(self.states))
-        if count:
-            chosen = np.linspace(0, len(self.states) - 1, count).astype(int)
-            self._shift(chosen, place - self.states[chosen, :2, 2].mean(0))
-
-    @abstractmethod
-    def grow(self, factor: float) -> None:
-        """Multiply the particles' scale by a factor."""
-
-    @abstractmethod
-    def _shift(self, chosen: NDArray[np.intp], step: Array) -> None:
-        """Move the chosen particles' centres by a step in pixels, shape (2,)."""
-
     def resample(self, weights: Array, count: int) -> None:
         """Draw `count` particles by their weights."""
         self._keep(systematic(weights, count, self._rng))
@@ -153,12 +138,16 @@ class GroupParticles(AffineParticles):
         """Return the sample mean on the group."""
         return affine.group_mean(self.states, weights)
 
+    def gather(self, place: Array, share: float) -> None:
+        """Move a share of the particles, all by the same step, so that their mean is a place."""
+        count = round(share * len(self.states))
+        if count:
+            chosen = np.linspace(0, len(self.states) - 1, count).astype(int)
+            self.states[chosen, :2, 2] += place - self.states[chosen, :2, 2].mean(0)
+
     def grow(self, factor: float) -> None:
         """Multiply the particles' scale by a factor."""
         self.states[:, :2, :2] *= factor
-
-    def _shift(self, chosen: NDArray[np.intp], step: Array) -> None:
-        self.states[chosen, :2, 2] += step
 
     def _keep(self, chosen: NDArray[np.intp]) -> None:
         self.states, self.velocities = self.states[chosen], self.velocities[chosen]
@@ -197,12 +186,3 @@ class VectorParticles(AffineParticles):
 
     def _keep(self, chosen: NDArray[np.intp]) -> None:
         self.vectors, self.states = self.vectors[chosen], self.states[chosen]
-
-    def grow(self, factor: float) -> None:
-        """Multiply the particles' scale by a factor."""
-        self.vectors[:, 0] += np.log(factor)
-        self.states[:, :2, :2] *= factor
-
-    def _shift(self, chosen: NDArray[np.intp], step: Array) -> None:
-        self.vectors[chosen, 4:] += step
-        self.states[chosen, :2, 2] += step

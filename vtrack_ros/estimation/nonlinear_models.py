@@ -155,7 +155,7 @@ class VanDerMerweModel(StateSpaceModel):
 
 class BearingRange(StateSpaceModel):
     """
-    A target at nearly constant velocity, seen as range and angles from the origin.
+    A target at nearly constant velocity, measured as range and angles from the origin.
 
     The state is `[p, v]` with positions in the plane (4-D) or in space (6-D), moving as in
     `ConstantVelocity`. The measurement is `[range, bearing]`, with the elevation in space;
@@ -199,14 +199,14 @@ class BearingRange(StateSpaceModel):
 
     def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
         """Return range, bearing and, in space, elevation; shape (N, positions), [m, rad, rad]."""
-        seen = np.empty((len(states), self.positions))
+        measured = np.empty((len(states), self.positions))
         ground = np.hypot(states[:, 0], states[:, 1])
-        seen[:, 0] = ground
-        seen[:, 1] = np.arctan2(states[:, 1], states[:, 0])
+        measured[:, 0] = ground
+        measured[:, 1] = np.arctan2(states[:, 1], states[:, 0])
         if self.positions == 3:
-            seen[:, 0] = np.hypot(ground, states[:, 2])
-            seen[:, 2] = np.arctan2(states[:, 2], ground)
-        return seen
+            measured[:, 0] = np.hypot(ground, states[:, 2])
+            measured[:, 2] = np.arctan2(states[:, 2], ground)
+        return measured
 
     def residual(self, measurements: FloatArray, predicted: FloatArray) -> FloatArray:
         """Return measurement minus prediction, the bearing's in [-pi, pi); shape (N, m)."""

@@ -164,12 +164,7 @@ def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> Ind
     ascending indices in time O(N + count); particle i is drawn `count * weights[i]` times on
     average. They differ in the variance of that number (Douc, Cappe and Moulines, 2005):
     multinomial has the largest, residual and stratified have less, systematic usually least.
-
-    Raises
-    ------
-    ValueError
-        If the weights aren't finite, non-negative and with a positive sum, or `count` < 1.
-
+    ValueError unless the weights are finite, non-negative and with a positive sum.
     """
     return _offspring(_cumulated(weights, count), rng.random())
 

@@ -87,12 +87,12 @@ class SigmaPointFilter(GaussianFilter):
         rule, model = self.update_rule, self.model
         factor = self._factors(covariance)
         leading = factor[:, :, :rule.dimension]
-        seen = self._at_points(
+        measured = self._at_points(
             lambda points: model.measure(points, time), rule.points, mean, leading)
         # Angles have no mean of their own: average the differences to the heaviest point.
-        reference = seen[:, np.argmax(rule.mean_weights)].copy()
-        deviation = model.residual(seen, reference[:, np.newaxis])
-        del seen
+        reference = measured[:, np.argmax(rule.mean_weights)].copy()
+        deviation = model.residual(measured, reference[:, np.newaxis])
+        del measured
         offset = np.matmul(rule.mean_weights, deviation)
         deviation -= offset[:, np.newaxis]
         weighted = (deviation * rule.covariance_weights[:, np.newaxis]).swapaxes(1, 2)
