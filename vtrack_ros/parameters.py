@@ -134,20 +134,9 @@ class ParameterTable(Mapping[str, Parameter]):
 
     def checked(self, values: Mapping[str, Any], owner: str = '') -> dict[str, Value]:
         """
-        Return the values in their parameters' types; none is taken when one is wrong.
+        Return the values in their parameters' types; errors as `Parameter.checked`.
 
-        Parameters
-        ----------
-        values : mapping
-            Name -> value; names that are missing stay missing.
-        owner : str
-            Whose parameters they are, for the message of an unknown name.
-
-        Raises
-        ------
-        ValueError, TypeError
-            As `Parameter.checked`; an unknown name is a ValueError that lists the valid ones.
-
+        An unknown name, of the owner's, is a ValueError that lists the valid ones.
         """
         for name in values:
             if name not in self._rows:

@@ -140,12 +140,12 @@ class Tracker(ABC):
 
     def update(self, frame: Frame, dt: float = 1.0) -> Estimate:
         """
-        Find the target in the next frame.
+        Find the target in the next frame, of the same shape as the one given to `start`.
 
         Parameters
         ----------
         frame : ndarray of uint8
-            Of the same shape as the one given to `start`.
+            The image.
         dt : float, [frames]
             The time since the last frame, in frame intervals: 1 unless frames were dropped.
 
@@ -182,17 +182,7 @@ class Tracker(ABC):
 
 
 def checked_frame(frame: Any) -> Frame:
-    """
-    Return a contiguous frame.
-
-    Raises
-    ------
-    TypeError
-        If it isn't an ndarray of uint8.
-    ValueError
-        If its shape is neither (H, W, 3) nor (H, W), or it's empty.
-
-    """
+    """Return a contiguous frame; a TypeError or ValueError says what else was given."""
     if not isinstance(frame, np.ndarray):
         raise TypeError(f'frame must be a numpy array of uint8, not {type(frame).__name__}')
     if frame.dtype != np.uint8:
@@ -206,17 +196,7 @@ def checked_frame(frame: Any) -> Frame:
 
 
 def checked_box(box: Any, frame: Frame) -> None:
-    """
-    Check that a box has a part inside a frame.
-
-    Raises
-    ------
-    TypeError
-        If it isn't a Box.
-    ValueError
-        If no pixel of it is inside.
-
-    """
+    """Check that a box is a Box (TypeError) with a part inside a frame (ValueError)."""
     if not isinstance(box, Box):
         raise TypeError(f'box must be a Box(x, y, width, height), not {type(box).__name__}')
     height, width = frame.shape[:2]

@@ -22,15 +22,8 @@ class Widths:
     """
     Standard deviations of the likelihood's terms; an infinite one drops its term.
 
-    Parameters
-    ----------
-    colour : float
-        Of the Bhattacharyya distance.
-    subspace : float
-        Of the square root of the robust error.
-    keypoints : float
-        Of the keypoints' distance, as a share of the target's mean side.
-
+    Of the Bhattacharyya distance of colours, of the square root of the subspace's robust error,
+    and of the keypoints' distance as a share of the target's mean side.
     """
 
     colour: float
@@ -74,12 +67,12 @@ class AffineLikelihood:
     def log_likelihood(self, frame: Frame, states: Array, widths: Widths,
                        change: PoseChange | None, before: Array) -> Array:
         """
-        Return the logarithm of the likelihood of affine frames, less a constant.
+        Return the logarithm of the likelihood of affine frames, less a constant, shape (N,).
 
         Parameters
         ----------
         frame : ndarray of uint8
-            The frame.
+            The image.
         states : ndarray, shape (N, 3, 3)
             The affine frames.
         widths : Widths
@@ -88,10 +81,6 @@ class AffineLikelihood:
             The target's keypoints that were seen again.
         before : ndarray, shape (3, 3)
             The target's affine frame in the last frame.
-
-        Returns
-        -------
-        ndarray, shape (N,)
 
         """
         patches = AffinePatches(frame, states, self.size, self.side)
@@ -119,21 +108,7 @@ class AffineLikelihood:
 
     def update(self, patch: NDArray[np.float32], interval: int, forgetting: float,
                components: int) -> None:
-        """
-        Collect a patch; every `interval` patches, update the subspace with them.
-
-        Parameters
-        ----------
-        patch : ndarray of float32, shape (d,)
-            Of the target.
-        interval : int, [frames]
-            How many patches an update takes.
-        forgetting : float
-            The weight of the patches before, in (0, 1].
-        components : int
-            The most principal components that are kept.
-
-        """
+        """Collect a patch, shape (d,); every `interval` patches, update the subspace with them."""
         self._fresh.append(patch)
         if len(self._fresh) >= interval:
             subspace = replace(self.subspace, limit=components)
@@ -143,23 +118,11 @@ class AffineLikelihood:
 
 def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
     """
-    Return how far keypoints land from their matches, if the target moved into each frame.
+    Return how far keypoints land from their matches if the target moved into each affine frame.
 
-    Parameters
-    ----------
-    states : ndarray, shape (N, 3, 3)
-        Candidates for the target's affine frame now.
-    before : ndarray, shape (3, 3)
-        The target's affine frame in the last frame.
-    change : PoseChange
-        The matched keypoints, from where `before` has them.
-
-    Returns
-    -------
-    ndarray, shape (N,), [px^2]
-        The weighted mean square of the distances [Xiang, sec. 3.3.3; the text sums, which would
-        make the term's weight depend on how many keypoints there happen to be].
-
+    The weighted mean square of the distances, [px^2], shape (N,), from where `before` has them
+    [Xiang, sec. 3.3.3; the text sums, which would make the term's weight depend on how many
+    keypoints there happen to be].
     """
     moves = states @ affine.inverse(before)
     # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments

@@ -81,26 +81,10 @@ class AffinePatches:
 
     def colours(self, bins: int = 6) -> NDArray[np.float64]:
         """
-        Return the HSV histograms [Xiang, sec. 3.3.1].
+        Return the HSV histograms of a colour frame, shape (N, bins ** 3) [Xiang, sec. 3.3.1].
 
-        Parameters
-        ----------
-        bins : int
-            Levels a channel.
-
-        Returns
-        -------
-        ndarray, shape (N, bins ** 3)
-            Normalised, except that what's outside the frame is missing.
-
-        Raises
-        ------
-        ValueError
-            If the frame is grey.
-
+        They are normalised, except that what's outside the frame is missing.
         """
-        if self._pixels.ndim != 3:
-            raise ValueError('a grey frame has no colours')
         hsv = cv2.cvtColor(self._pixels, cv2.COLOR_BGR2HSV_FULL)
         level = (np.arange(256, dtype=np.int32) * bins) >> 8
         index = (level[hsv[:, :, 0]] * bins + level[hsv[:, :, 1]]) * bins + level[hsv[:, :, 2]]

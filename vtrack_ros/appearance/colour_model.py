@@ -45,17 +45,9 @@ class ColourModel:
 
     def updated(self, colours: Colours, inner: Rectangle, rate: float) -> ColourModel:
         """
-        Return the model after one more example.
+        Return the model after one more example, with a weight in the running average.
 
-        Parameters
-        ----------
-        colours : ndarray of int, shape (rows, columns)
-            Of `colour_index`.
-        inner : tuple of int, [px]
-            The target's (top, bottom, left, right) in `colours`.
-        rate : float
-            The example's weight in the running average.
-
+        `inner` is the target's (top, bottom, left, right) in `colours`, of `colour_index`.
         """
         size = len(self.target)
         top, bottom, left, right = inner

@@ -44,24 +44,10 @@ _USUAL_CHROMA = 30.0
 def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, float],
                   shape: tuple[int, int]) -> Frame:
     """
-    Resample a window to a fixed shape; what's outside the frame repeats its border.
+    Resample a window, centre and size in pixels, to a fixed shape (rows, columns).
 
-    Where several pixels fall on one sample, a regular subset of them is used. A window of whole
-    pixels inside the frame is the quickest.
-
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-        The image.
-    center, size : tuple of float, [px]
-        The window's centre (x, y) and size (width, height).
-    shape : tuple of int
-        (rows, columns) of the result.
-
-    Returns
-    -------
-    ndarray of uint8, shape (rows, columns, 3) or (rows, columns)
-
+    What's outside the frame repeats its border. Where several pixels fall on one sample, a regular
+    subset of them is used. A window of whole pixels inside the frame is the quickest.
     """
     rows, columns = shape
     step_x, step_y = size[0] / columns, size[1] / rows
@@ -103,10 +89,6 @@ def describe(grey: Frame, cells: Frame, cell: int) -> Features:
         The window with a pixel for each cell.
     cell : int, [px]
         Side of a cell.
-
-    Returns
-    -------
-    ndarray of float32, shape (channels, rows, columns)
 
     """
     colour = cells.ndim == 3
@@ -193,17 +175,8 @@ def colour_names(pixels: Frame) -> Features:
 
     Black, blue, brown, grey, green, orange, pink, purple, red, white and yellow (Berlin and Kay),
     by a Gaussian kernel on the distance in CIE Lab; of these eleven dimensions the seven in which
-    usual colours, those near grey, have most of their energy. Scalar products hardly change.
-
-    Parameters
-    ----------
-    pixels : ndarray of uint8, shape (rows, columns, 3)
-        The colours.
-
-    Returns
-    -------
-    ndarray of float32, shape (7, rows, columns)
-
+    usual colours, those near grey, have most of their energy. Scalar products hardly change. From
+    shape (rows, columns, 3) to (7, rows, columns).
     """
     return _table().take(rgb555(pixels), axis=0).transpose(2, 0, 1)
 
@@ -236,20 +209,7 @@ def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:
 
 
 def rgb555(pixels: Frame) -> NDArray[np.uint16]:
-    """
-    Return each pixel's red, green and blue with five bits each, red in the highest.
-
-    Parameters
-    ----------
-    pixels : ndarray of uint8, shape (rows, columns, 3)
-        In BGR order.
-
-    Returns
-    -------
-    ndarray of uint16, shape (rows, columns)
-        Below `COLOURS`.
-
-    """
+    """Return each pixel's red, green and blue with five bits each, red in the highest."""
     packed = cv2.cvtColor(pixels, cv2.COLOR_BGR2BGR555).view(np.uint16)
     result: NDArray[np.uint16] = packed[:, :, 0]
     return result

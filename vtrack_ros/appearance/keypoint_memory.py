@@ -58,19 +58,7 @@ class KeypointMemory:
 
     def measure(self, seen: Keypoints, state: Array,
                 rng: np.random.Generator) -> PoseChange | None:
-        """
-        Return how the target moved from where an affine frame has it.
-
-        Parameters
-        ----------
-        seen : Keypoints
-            Those of a new frame.
-        state : ndarray, shape (3, 3)
-            The target's affine frame before.
-        rng : numpy.random.Generator
-            What RANSAC draws from.
-
-        """
+        """Return how the target moved from where an affine frame, shape (3, 3), has it."""
         self._seen = seen
         self._which, self._as = nearest(self._descriptors, seen.descriptors)
         own = self._sightings[self._which] >= _OWN

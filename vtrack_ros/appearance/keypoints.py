@@ -34,17 +34,7 @@ _FEWEST_IF_LARGE = 6
 
 @dataclass(frozen=True)
 class Keypoints:
-    """
-    Keypoints of one frame.
-
-    Parameters
-    ----------
-    points : ndarray, shape (M, 2), [px]
-        Where they are.
-    descriptors : ndarray of float32, shape (M, 128)
-        What they look like.
-
-    """
+    """Keypoints of one frame: points (M, 2), [px], and descriptors (M, 128)."""
 
     points: Points
     descriptors: NDArray[np.float32]
@@ -63,8 +53,6 @@ class PoseChange:
         The matched points that agree with it.
     weights : ndarray, shape (M,)
         What each of them counts for.
-    error : float, [px]
-        The root mean square of their distances.
 
     """
 
@@ -72,19 +60,10 @@ class PoseChange:
     before: Points
     after: Points
     weights: NDArray[np.float64]
-    error: float
 
 
 class KeypointDetector:
-    """
-    SIFT keypoints [Lowe 2004] of a window, at a bounded resolution.
-
-    Parameters
-    ----------
-    side : int
-        The most samples along a side of the target.
-
-    """
+    """SIFT keypoints [Lowe 2004] of a window, at most `side` samples along a target's side."""
 
     def __init__(self, side: int = 50) -> None:
         self._side = side
@@ -92,19 +71,7 @@ class KeypointDetector:
 
     def detect(self, frame: Frame, center: tuple[float, float], target: tuple[float, float],
                reach: float = 1.0) -> Keypoints:
-        """
-        Return the keypoints of a window.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-            The frame.
-        center, target : tuple of float, [px]
-            The window's centre, and the target's size.
-        reach : float
-            The window's size in units of the target's.
-
-        """
+        """Return the keypoints of a window `reach` times as large as the target, in pixels."""
         size = reach * target[0], reach * target[1]
         side = min(_RESOLUTION, reach * self._side)
         shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
@@ -126,18 +93,8 @@ def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
     Return which known descriptors were seen again, and as which.
 
     A match has to be better than the second best by Lowe's ratio. What was seen may be more than
-    one of those known, if they're about as near: then they are views of the same keypoint.
-
-    Parameters
-    ----------
-    known, seen : ndarray of float32, shapes (M, d) and (N, d)
-        The descriptors.
-
-    Returns
-    -------
-    tuple of ndarray, shape (K,)
-        The rows of `known`, and those of `seen`.
-
+    one of those known, if they're about as near: then they are views of the same keypoint. Returns
+    the rows of `known`, shape (M, d), and those of `seen`, shape (N, d).
     """
     if not len(known) or len(seen) < 2:
         none = np.zeros(0, np.intp)
@@ -160,19 +117,7 @@ def pose_change(before: Points, after: Points, tolerance: float, rng: np.random.
     Return the pose change that most matches agree with, or None where too few do.
 
     RANSAC over pairs of matches [Fischler and Bolles 1981], then least squares over those that
-    agree: rotation by the Sylvester equation, translation by [Xiang, eq. 4].
-
-    Parameters
-    ----------
-    before, after : ndarray, shape (M, 2), [px]
-        Matched points.
-    tolerance : float, [px]
-        The largest distance of a match that agrees.
-    rng : numpy.random.Generator
-        Where the pairs are drawn from.
-    weights : ndarray, shape (M,), optional
-        What each match counts for; by default all the same.
-
+    agree to a tolerance, [px]: rotation by the Sylvester equation, translation by [Xiang, eq. 4].
     """
     count = len(before)
     if count < _FEWEST:
@@ -206,30 +151,17 @@ def pose_change(before: Points, after: Points, tolerance: float, rng: np.random.
              or abs(float(affine.angle(matrix))) > _LARGE_TURN)
     if large and inliers.sum() < _FEWEST_IF_LARGE:
         return None
-    return PoseChange(matrix, before[inliers], after[inliers], weights[inliers],
-                      float(np.sqrt(np.mean(errors[inliers]**2))))
+    return PoseChange(matrix, before[inliers], after[inliers], weights[inliers])
 
 
 def similarity(before: Points, after: Points,
                weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
     """
-    Return the least squares rotation, scale and translation between matched points.
+    Return the least squares rotation, scale and translation between matched points, weighted.
 
     The paper's R is a pure rotation, but its own targets come nearer: the ratio of the spreads
-    [Horn 1987, sec. 2.E] is taken out first and multiplied in again.
-
-    Parameters
-    ----------
-    before, after : ndarray, shape (M, 2), [px]
-        Matched points.
-    weights : ndarray, shape (M,), optional
-        Of the squares; by default all the same.
-
-    Returns
-    -------
-    ndarray, shape (3, 3)
-        p' = s R p + l with l = mean(p') - s R mean(p) [Xiang, eq. 4].
-
+    [Horn 1987, sec. 2.E] is taken out first and multiplied in again. Shape (3, 3):
+    p' = s R p + l with l = mean(p') - s R mean(p) [Xiang, eq. 4].
     """
     share = np.ones(len(before)) if weights is None else weights
     share = share / share.sum()
@@ -246,7 +178,7 @@ def similarity(before: Points, after: Points,
 
 def sylvester_rotation(before: Points, after: Points) -> NDArray[np.float64]:
     """
-    Return the rotation R that minimises sum ||R p - p'||^2 over centred points.
+    Return the rotation R, shape (2, 2), that minimises sum ||R p - p'||^2 over centred points.
 
     With a symmetric multiplier L of the constraint R^T R = I, linearised at a rotation R0 as
     R0^T R + R^T R0 = 2 I, the normal equations are R P = M - R0 L, where P = sum p p^T and
@@ -256,16 +188,6 @@ def sylvester_rotation(before: Points, after: Points) -> NDArray[np.float64]:
 
     Its solution moves R0; at the fixed point R is a rotation and the least squares one. [Xiang,
     eqs 2-3; the printed formulas are lost, this is the derivation that the text describes.]
-
-    Parameters
-    ----------
-    before, after : ndarray, shape (M, 2)
-        Both with zero mean.
-
-    Returns
-    -------
-    ndarray, shape (2, 2)
-
     """
     scatter, cross = before.T @ before, after.T @ before
     # points on a line leave P singular; a little isotropic scatter changes no rotation

@@ -86,17 +86,9 @@ class CorrelationFilter:
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> CorrelationFilter:
         """
-        Return the filter after one more example.
+        Return the filter after one more example, with a weight in the running average.
 
-        Parameters
-        ----------
-        spectrum : ndarray of complex64, shape (channels, rows, columns // 2 + 1)
-            Of the example.
-        rate : float
-            The example's weight in the running average; 1 forgets all that was before.
-        shift : tuple of float, [cells]
-            Where (x, y) from the middle of the window the target is in the example.
-
+        `shift` is where, in cells from the middle of the window, the target is in the example.
         """
         over_rows, over_columns = _frequencies(*self.shape)
         wanted = self.label * np.exp(shift[1] * over_rows)
@@ -115,13 +107,7 @@ class CorrelationFilter:
         """
         Return the response, shape ([filters,] rows, columns): 1 at the target, 0 elsewhere.
 
-        Parameters
-        ----------
-        spectrum : ndarray of complex64, shape (channels, rows, columns // 2 + 1)
-            Of a window.
-        rows, columns : slice
-            The part that is wanted; all of it by default.
-
+        Of a window's spectrum; `rows` and `columns` are the part of it that is wanted.
         """
         # a sum over products: einsum is three times as slow with complex numbers
         correlated = np.add.reduce(self._conjugate * spectrum, axis=-3)
@@ -135,11 +121,8 @@ class CorrelationFilter:
         """
         Return the filter without what it knows of a target's surroundings.
 
-        Parameters
-        ----------
-        width, height : float, [cells]
-            The target's; what is further from its middle has no influence on the response there.
-
+        What is further than the target's width and height, in cells, from its middle has no
+        influence on the response there.
         """
         rows, columns = self.shape
         kernel = np.fft.irfft2(self._conjugate / self._divisor, (rows, columns))
@@ -197,35 +180,13 @@ class ScaleRegression:
         return cls(grid, nothing, nothing, 0.0)
 
     def growth(self, grey: Frame, center: Point) -> float:
-        """
-        Return the factor by which the target is larger than it was learned.
-
-        Parameters
-        ----------
-        grey : ndarray of uint8, shape (H, W)
-            An image that shows the target.
-        center : tuple of float, [px]
-            The target's centre in that image.
-
-        """
+        """Return by which factor a target, its centre in pixels, is larger than learned."""
         excess = float(self._features(grey, center, _AS_IT_IS)[0] @ self.weights) + self.offset
         return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
 
     def updated(self, grey: Frame, center: Point, growth: float,
                 rate: float) -> ScaleRegression:
-        """
-        Return the regression after an example of the target, `growth` times as large as before.
-
-        Parameters
-        ----------
-        grey, center
-            As in `growth`.
-        growth : float
-            The factor.
-        rate : float
-            The example's weight in the running average; 1 forgets all that was before.
-
-        """
+        """Return the regression after an example of the target, grown by a factor."""
         examples = self._features(grey, center, _EXAMPLES + np.log(growth))
         if rate < 1:
             examples *= np.float32(rate)
@@ -268,13 +229,8 @@ def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
     """
     Return the tapered Fourier transform of real maps as two matrices.
 
-    Returns
-    -------
-    ndarray of float32, shape (columns, 2 * (columns // 2 + 1))
-        To be multiplied with a map from the right; real and imaginary parts are interleaved.
-    ndarray of complex64, shape (rows, rows)
-        To be multiplied with the result from the left.
-
+    The first is to be multiplied with a map from the right, real and imaginary parts interleaved,
+    the second with the result from the left.
     """
     over_columns = np.fft.rfft(np.diag(taper(columns))).astype(np.complex64).view(np.float32)
     return over_columns, np.fft.fft(np.diag(taper(rows))).T.astype(np.complex64)
@@ -290,31 +246,14 @@ def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.fl
     """
     Return the inverse as two matrices.
 
-    Returns
-    -------
-    ndarray of complex64, shape (rows, rows)
-        To be multiplied with a spectrum from the left.
-    ndarray of float32, shape (2 * (columns // 2 + 1), columns)
-        To be multiplied with the result, whose real and imaginary parts are interleaved, from
-        the right.
-
+    The first is to be multiplied with a spectrum from the left, the second with the result, real
+    and imaginary parts interleaved, from the right: it makes real series from their non-negative
+    frequencies.
     """
-    return np.fft.ifft(np.eye(rows)).astype(np.complex64), _inverse_of_half(columns)
-
-
-def _inverse_of_half(length: int) -> NDArray[np.float32]:
-    """
-    Return the matrix that makes real series from their non-negative frequencies.
-
-    Returns
-    -------
-    ndarray of float32, shape (2 * (length // 2 + 1), length)
-        To be multiplied with spectra, real and imaginary parts interleaved, from the right.
-
-    """
-    half = np.eye(length // 2 + 1)
-    parts = np.stack([np.fft.irfft(half, length), np.fft.irfft(1j * half, length)], axis=1)
-    return parts.reshape(-1, length).astype(np.float32)
+    half = np.eye(columns // 2 + 1)
+    parts = np.stack([np.fft.irfft(half, columns), np.fft.irfft(1j * half, columns)], axis=1)
+    return (np.fft.ifft(np.eye(rows)).astype(np.complex64),
+            parts.reshape(-1, columns).astype(np.float32))
 
 
 def power(spectrum: Spectrum) -> NDArray[np.float32]:

@@ -50,15 +50,9 @@ class Subspace:
 
     def updated(self, patches: Vectors, forgetting: float = 0.95) -> Subspace:
         """
-        Return the subspace after a batch of patches.
+        Return the subspace after a batch of patches, shape (m, d).
 
-        Parameters
-        ----------
-        patches : ndarray, shape (m, d)
-            The patches, in rows.
-        forgetting : float
-            The weight of everything before, in (0, 1]; 1 forgets nothing.
-
+        `forgetting` is the weight of everything before, in (0, 1]; 1 forgets nothing.
         """
         fresh = patches.astype(np.float64)
         many, before = len(fresh), forgetting * self.count
@@ -83,31 +77,12 @@ class Subspace:
         difference -= (difference @ self.components) @ self.components.T
         return difference
 
-    def distance(self, patches: Vectors) -> Vectors:
-        """Return the Euclidean distance from the subspace, shape (n,) [Xiang, sec. 3.3.2]."""
-        residuals = self.residuals(patches)
-        squares: Vectors = np.einsum('nd,nd->n', residuals, residuals)
-        return np.sqrt(squares)
-
     def robust_error(self, patches: Vectors, width: float) -> Vectors:
         """
-        Return the mean over the pixels of e^2 / (e^2 + width^2), e the residual.
+        Return the mean over the pixels of e^2 / (e^2 + width^2), e the residual, shape (n,).
 
         The error norm of Geman and McClure, as [Ross2008, sec. 3.4]: an outlier counts for one
         pixel at most, however far it is.
-
-        Parameters
-        ----------
-        patches : ndarray of float32, shape (n, d)
-            The patches, in rows.
-        width : float
-            The residual, in units of the patches, that counts half.
-
-        Returns
-        -------
-        ndarray of float32, shape (n,)
-            In [0, 1).
-
         """
         errors = np.empty(len(patches), np.float32)
         for first in range(0, len(patches), _BLOCK):

@@ -96,25 +96,11 @@ class Localiser:
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float) -> bool:
         """
-        Take a place for the target's, update the model there, and judge it.
+        Take the place that a tracker decided for, update the model there, and judge it.
 
-        Parameters
-        ----------
-        frame : ndarray of uint8
-            The image.
-        response : ResponseMap
-            Of `localise`.
-        center : tuple of float, [px]
-            The place that the tracker decided for.
-        dt : float, [frames]
-            The time since the last frame.
-
-        Returns
-        -------
-        bool
-            Whether the target was found again elsewhere. Where it wasn't, `center` of this object
-            is the given one, or next to it: near the window's border a place is localised twice.
-
+        `response` is that of `localise`, `dt` the time since the last frame, in frames. Returns
+        whether the target was found again elsewhere; where it wasn't, the centre is the given one,
+        or next to it: near the window's border a place is localised twice.
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame))
@@ -138,18 +124,10 @@ class Localiser:
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:
         """
-        Return the estimate.
+        Return the estimate; the box is that of `center` and `size` where none is given.
 
-        Parameters
-        ----------
-        covariance : ndarray, shape (4, 4), [px^2]
-            The filter's own, of (centre x, centre y, width, height); what no filter knows (the
-            error of the model itself) is added.
-        angle, particles, affine
-            As in `Estimate`.
-        box : Box, optional
-            Where it isn't that of `center` and `size`.
-
+        To the filter's own covariance is added what no filter knows: the error of the model
+        itself, and of a target that isn't seen.
         """
         if box is None:
             box = Box.from_center(*self.center, *self.size)

@@ -55,21 +55,8 @@ def climb(weights: Array, start: Array, bandwidth: Array, steps: int,
     """
     Climb to a maximum of the kernel density of a weighted map by mean shift [Yin2013, eq. 2].
 
-    Parameters
-    ----------
-    weights : ndarray, shape (rows, columns)
-        Not negative.
-    start, bandwidth : ndarray, shape (2,), [cells]
-        (x, y); the Gaussian kernel is axis-aligned.
-    steps : int
-        At most so many.
-    tolerance : float, [cells]
-        A step shorter than that is the last one.
-
-    Returns
-    -------
-    ndarray, shape (2,), [cells]
-
+    Start, bandwidth of the axis-aligned Gaussian kernel and result are (x, y), shape (2,), in
+    cells. A step shorter than the tolerance is the last one.
     """
     rows, columns = weights.shape
     column, row = np.arange(float(columns)), np.arange(float(rows))

@@ -86,16 +86,8 @@ class InitialTemplate:
         """
         Return how similar a place is to the target at first: 0.75 if it's the same.
 
-        The lesser of the two filters' highest responses within two cells of the place, times a
-        root of the place's share of the target's colours.
-
-        Parameters
-        ----------
-        window : SearchWindow
-            That shows the place.
-        shift : tuple of float, [cells]
-            The place from the window's centre.
-
+        The lesser of the two filters' highest responses within two cells of the place, `shift`
+        cells from the window's centre, times a root of its share of the target's colours.
         """
         rows, columns = window.layout.rows, window.layout.columns
         row = min(max(round(shift[1]) + rows // 2, 0), rows - 1)
@@ -112,15 +104,9 @@ class InitialTemplate:
 
 def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:
     """
-    Tell whether tracking has failed.
+    Tell whether tracking has failed, from what was known before the frame.
 
-    Parameters
-    ----------
-    known : TargetSnapshot
-        Of before the frame.
-    similarity, peak : float
-        Of the place to the initial template, and the highest response about it.
-
+    `similarity` is the place's to the initial template, `peak` the highest response about it.
     """
     least = min(_FAILED_SIMILARITY * known.usual_similarity, ALWAYS_GOOD)
     return peak < _FAILED_RESPONSE * known.usual_response or similarity < least
@@ -145,19 +131,9 @@ class PresenceDetector:
 
     def judge(self, similarity: float, usual: float, dt: float, elsewhere: bool = False) -> None:
         """
-        Take one more frame into account.
+        Take one more frame's similarity into account, and what's usual for this target.
 
-        Parameters
-        ----------
-        similarity : float
-            To the initial template.
-        usual : float
-            What's usual for this target.
-        dt : float, [frames]
-            The time since the last frame.
-        elsewhere : bool
-            Whether it's the similarity of another place, to which the last ones mean nothing.
-
+        To the similarity of another place, `elsewhere`, those of the last frames mean nothing.
         """
         even = max(EVEN_SIMILARITY, _EVEN_SHARE * usual)
         margin = min(max(similarity - even, -_CLEAR), _CLEAR)
@@ -182,21 +158,9 @@ def unknown_covariance(
     """
     Return the covariance of what a filter doesn't know of: its cues' errors, and not seeing.
 
-    Parameters
-    ----------
-    center_error, size_error : float
-        Standard deviations of the centre and the size while the target is seen, as shares of its
-        mean side.
-    area : float, [px^2]
-        The target's.
-    frames : float
-        For so many frames it hasn't been seen; 0 if it was seen in this one.
-
-    Returns
-    -------
-    ndarray, shape (4, 4), [px^2]
-        Of (centre x, centre y, width, height).
-
+    Of (centre x, centre y, width, height), [px^2], for a target of that area that hasn't been seen
+    for so many frames, 0 if it was in this one. The errors are standard deviations while it's
+    seen, as shares of its mean side.
     """
     center, size = center_error**2, size_error**2
     if frames:

@@ -35,19 +35,9 @@ _DRIFT = 1.5
 @dataclass(frozen=True)
 class Verdict:
     """
-    What one more frame of a search says.
+    What one more frame of a search says: what to go on with, and how similar its place is.
 
-    Parameters
-    ----------
-    live : TargetSnapshot
-        What's to go on with.
-    similarity : float
-        Of its place to the initial template.
-    over : bool
-        Whether the failure is over.
-    elsewhere : bool
-        Whether the target was found at another place.
-
+    `over` tells whether the failure is over, `elsewhere` whether another place ended it.
     """
 
     live: TargetSnapshot
@@ -101,17 +91,8 @@ class Redetection:
         """
         Judge the live place, and search with the snapshot.
 
-        Parameters
-        ----------
-        frame : ndarray of uint8
-            The image.
-        live : TargetSnapshot
-            As it was updated in this frame.
-        similarity, peak : float
-            Of the live place to the initial template, and the highest response about it.
-        dt : float, [frames]
-            The time since the last frame.
-
+        `live` is as it was updated in this frame, `similarity` its place's to the initial
+        template, `peak` the highest response about it.
         """
         usual = live.usual_response
         live = live.with_response(peak)

@@ -79,15 +79,9 @@ class SearchWindow:
 @dataclass(frozen=True)
 class WindowLayout:
     """
-    How the window about a target is divided into cells.
+    How the window about a target is divided into cells: even numbers of rows and columns.
 
-    Parameters
-    ----------
-    rows, columns : int
-        Of the window, in cells; both even.
-    reach : tuple of float
-        The window's (width, height) in units of the target's.
-
+    `reach` is the window's (width, height) in units of the target's.
     """
 
     rows: int

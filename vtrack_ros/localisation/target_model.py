@@ -64,12 +64,8 @@ class TargetModel:
         """
         Return the response to the target's centre in each cell of a window.
 
-        Returns
-        -------
-        ndarray of float32, shape (rows, columns)
-            The weighted sum of the correlation response and of the mean foreground probability
-            over the target's box.
-
+        The weighted sum of the correlation response and of the mean foreground probability over
+        the target's box.
         """
         width, height = self.layout.target
         detail = self.layout.DETAIL

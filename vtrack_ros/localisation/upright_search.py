@@ -26,16 +26,7 @@ _FINE = 100.0
 
 @dataclass(frozen=True)
 class Turn:
-    """
-    A rotation about a place in the frame.
-
-    Parameters
-    ----------
-    pivot : ndarray, shape (2,), [px]
-    angle : float, [rad]
-        How far the target has turned since the start.
-
-    """
+    """A rotation by an angle, [rad], about a place in the frame, shape (2,), [px]."""
 
     pivot: Array
     angle: float
@@ -114,14 +105,8 @@ class UprightSearch:
         """
         Return the response about the target's last place.
 
-        Parameters
-        ----------
-        frame : ndarray of uint8
-            The image.
-        angle : float, [rad]
-            How far the target may have turned since the start: it's tried where the last frame's
-            rotation brings too low a response.
-
+        Where the last frame's rotation brings too low a response, another angle is tried, by which
+        the target may have turned since the start.
         """
         found = self._localised(frame, self.angle)
         usual = self._localiser.usual_response
@@ -134,23 +119,9 @@ class UprightSearch:
 
     def update(self, found: UprightResponse, center: Array, dt: float) -> bool:
         """
-        Take a place for the target's, update the model there, and judge it.
+        Do as `Localiser.update` with a place in the frame, shape (2,), and what `localise` found.
 
-        Parameters
-        ----------
-        found : UprightResponse
-            Of `localise`.
-        center : ndarray, shape (2,), [px]
-            The place that the tracker decided for.
-        dt : float, [frames]
-            The time since the last frame.
-
-        Returns
-        -------
-        bool
-            Whether the target was found again elsewhere; it's taken to be upright there if it's
-            beyond the part that was turned.
-
+        A target that was found again beyond the part that was turned is taken to be upright.
         """
         localiser, turn = self._localiser, found.turn
         x, y = turn.into_upright(center)

@@ -40,22 +40,5 @@ def tracker_class(name: str) -> type[Tracker]:
 def create_tracker(
         name: str, *, seed: int | np.random.Generator | None = None,
         **parameters: Any) -> Tracker:
-    """
-    Make a tracker.
-
-    Parameters
-    ----------
-    name : str
-        One of `tracker_names()`.
-    seed : int, numpy.random.Generator or None
-        Where its randomness comes from.
-    **parameters
-        The tracker's own parameters; the rest have their defaults.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the name or a parameter is unknown, of the wrong type or out of range.
-
-    """
+    """Make a tracker by its name, with parameters of its own; errors as `Tracker`."""
     return tracker_class(name)(seed, **parameters)
