@@ -167,7 +167,16 @@ def test_a_wrong_margin_is_refused():
         equivariant_forecast(np.ones((5, 1)), margin=0.0)
 
 
-@pytest.mark.parametrize('times', [(0, 1, 2, 3, 6), (0, 1, 4, 5, 6), (0, 3, 4, 5, 6)])
+def test_estimates_of_one_time_are_taken_for_one_step_apart():
+    estimates = tuple(np.array([200 + 20.0 * step]) for step in range(5))
+    proposal = GreyProposal(5)
+    once, spaced = (proposal.forecast(Belief(
+        np.zeros((2, 1)), Weights.uniform(2), 4.0, None, estimates, times), 1.0)
+        for times in ((4.0,) * 5, (0.0, 1.0, 2.0, 3.0, 4.0)))
+    np.testing.assert_array_equal(once, spaced)
+
+
+@pytest.mark.parametrize('times', [(0, 1, 2, 3, 6), (0, 1, 4, 5, 6), (50, 53, 54, 55, 56)])
 def test_dropped_frames_do_not_bend_a_line(times):
     """Estimates on a line with a gap: the forecast is on the line, at any step."""
     estimates = tuple(np.array([200 + 20.0 * time, 20.0]) for time in times)

@@ -9,8 +9,9 @@ from random_walk import RandomWalk
 
 from vtrack_ros import estimation
 from vtrack_ros.estimation import (
-    Belief, ConstantVelocity, Gaussian, GaussianFilterProposal, GaussianNoise, GreyProposal,
-    KalmanFilter, ParticleFilter, PriorProposal, spread_about, Weights)
+    Belief, ConstantVelocity, ExtendedKalmanFilter, Gaussian, GaussianFilterProposal,
+    GaussianNoise, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal, spread_about,
+    VanDerMerweModel, Weights)
 
 
 def make(model=None, proposal=None, **options):
@@ -255,8 +256,8 @@ def test_without_a_floor_the_spread_is_that_of_the_paper():
 def test_a_dropped_frame_is_forecast_as_two_steps():
     positions = 10.0 + 3.0 * np.arange(5)
     estimates = tuple(np.array([position, 3.0]) for position in positions)
-    belief = Belief(np.zeros((1, 2)), Weights.uniform(1), 2.0, None, estimates,
-                    (0.0, 0.5, 1.0, 1.5, 2.0))
+    belief = Belief(np.zeros((1, 2)), Weights.uniform(1), 9.0, None, estimates,
+                    (7.0, 7.5, 8.0, 8.5, 9.0))
     proposal = GreyProposal(margin=1000.0, velocities={1: 0})
     once, twice = proposal.forecast(belief, 0.5), proposal.forecast(belief, 1.0)
     np.testing.assert_allclose(once, [25.0, 6.0], atol=0.1)
@@ -350,6 +351,21 @@ def test_the_gaussian_proposal_s_density_is_the_one_that_it_samples():
                                atol=5 * math.sqrt(2 / 40000) * spread.max() ** 2)
     expected = GaussianNoise.from_covariance(covariance).log_density(error)
     np.testing.assert_allclose(proposed.log_density, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_the_gaussian_proposal_measures_at_the_end_of_the_step():
+    """The measurement of van der Merwe's model changes from time 30 to 31."""
+    model, measurement = VanDerMerweModel(measurement_variance=0.05), np.array([0.7])
+    kalman = ExtendedKalmanFilter(model)
+    belief = Belief(np.full((20000, 1), 4.0), Weights.uniform(20000), 30.0)
+    predicted = Gaussian(model.transition(belief.states[:1], 1.0, 30.0),
+                         model.process_noise(1.0)[np.newaxis])
+    posterior = kalman.update(predicted, measurement, 31.0).posterior
+    drawn = GaussianFilterProposal(kalman).propose(
+        model, belief, 1.0, np.random.default_rng(8), measurement).states
+    spread = math.sqrt(posterior.covariance[0, 0, 0])
+    assert drawn.mean() == pytest.approx(posterior.mean[0, 0], abs=5 * spread / math.sqrt(20000))
+    assert drawn.std() == pytest.approx(spread, rel=0.03)
 
 
 def test_kept_covariances_are_those_of_each_particle_s_own_filter():
