@@ -14,13 +14,7 @@ _SHIFT = 6
 
 
 class Canvas:
-    """
-    A picture with its own coordinates, in which shapes and textures are painted smoothly.
-
-    A length of 1 has `unit` pixels; `shape` is (height, width) in pixels. What paints is a colour
-    or a texture of that shape.
-
-    """
+    """A picture of a shape (height, width), painted smoothly in units of `unit` pixels."""
 
     def __init__(self, left: float, top: float, right: float, bottom: float, unit: float,
                  colour: Colour = (128, 128, 128)) -> None:

@@ -20,7 +20,7 @@ SMALLEST = (64, 48)
 @dataclass(frozen=True)
 class SceneInfo:
     """
-    A scene: its name, what happens, its own size in pixels, and how many frames its story has.
+    A scene: its own size in pixels, and how many frames its story has.
 
     `make` gives what takes as many random numbers as there are pixels a generator of its own, so
     that motions are the same at every size.
@@ -69,15 +69,7 @@ def scene_names() -> tuple[str, ...]:
 
 
 def scene_info(name: str) -> SceneInfo:
-    """
-    Return what the catalogue says about a scene.
-
-    Raises
-    ------
-    ValueError
-        If there is no scene of that name; the message lists those that there are.
-
-    """
+    """Return a scene of the catalogue; the ValueError of an unknown one lists those there are."""
     if name not in _CATALOGUE:
         raise ValueError(f'unknown scene {name!r}; valid are ' + ', '.join(_CATALOGUE))
     return _CATALOGUE[name]
@@ -86,7 +78,7 @@ def scene_info(name: str) -> SceneInfo:
 def render(name: str, size: tuple[int, int] | None = None, frames: int | None = None,
            seed: int = 0) -> Iterator[SceneFrame]:
     """
-    Render a scene.
+    Render a scene; ValueError if there's no such scene, or an argument is out of range.
 
     Speeds and events are the same at any number of frames: fewer show the beginning of the story,
     more let it run on, backwards and forwards.
@@ -96,17 +88,11 @@ def render(name: str, size: tuple[int, int] | None = None, frames: int | None = 
     name : str
         One of `scene_names()`.
     size : tuple of int, [px], optional
-        Width and height; by default the scene's own.
+        Width and height, from 64 x 48 to 1920 x 1080; by default the scene's own.
     frames : int, optional
         How many; by default the whole story.
     seed : int
         Varies textures, clutter, small motions and noise, not the story.
-
-    Raises
-    ------
-    ValueError
-        If the name is unknown, the size isn't from 64 x 48 to 1920 x 1080, there's less than one
-        frame, or the seed is negative.
 
     """
     info = scene_info(name)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 import math
 
 import numpy as np
 
 from vtrack_ros.scenes.solid import (
-    ball, Ellipsoid, limb, Paint, plain, render, rotation, striped, Surface)
+    ball, Ellipsoid, limb, plain, render, rotation, striped, surface)
 from vtrack_ros.scenes.sprite import Sprite
 from vtrack_ros.scenes.texture import Colour
 
@@ -17,44 +16,28 @@ from vtrack_ros.scenes.texture import Colour
 _PHASES = 32
 
 
-@dataclass(frozen=True)
-class Outfit:
+class Person:
     """
-    What a person wears, and their colouring.
+    A person 100 units tall, the origin on the ground between the feet; `unit` in pixels.
 
     Shorts end above the knee and show the socks, sleeves reach the wrist; the stripes of the
     shirt, if it has any, may be upright.
     """
 
-    shirt: Colour = (60, 60, 170)
-    stripe: Colour | None = None
-    trousers: Colour = (80, 60, 50)
-    shorts: bool = False
-    socks: Colour = (200, 200, 200)
-    sleeves: bool = True
-    shoes: Colour = (40, 40, 45)
-    skin: Colour = (125, 155, 200)
-    hair: Colour = (35, 45, 60)
-    upright: bool = True
-
-
-class Person:
-    """A person 100 units tall, the origin on the ground between the feet; `unit` in pixels."""
-
-    def __init__(self, unit: float, rng: np.random.Generator, outfit: Outfit) -> None:
-        self._unit = unit
-        self._outfit = outfit
-        cloth, denim, strand = Surface(rng, 0.6), Surface(rng, 0.5), Surface(rng, 0.3, 3)
-        shirt: Paint = plain(outfit.shirt, cloth, 0.1)
-        if outfit.stripe is not None:
-            axis = 0 if outfit.upright else 1
-            shirt = striped(outfit.shirt, outfit.stripe, 5 if outfit.upright else 6, axis, cloth)
-        self._shirt = shirt
-        self._trousers = plain(outfit.trousers, denim, 0.12)
-        self._skin = plain(outfit.skin, denim, 0.04)
-        self._hair = plain(outfit.hair, strand, 0.35)
-        self._socks = plain(outfit.socks, cloth, 0.06)
-        self._shoes = plain(outfit.shoes)
+    def __init__(self, unit: float, rng: np.random.Generator, *, shirt: Colour, trousers: Colour,
+                 stripe: Colour | None = None, upright: bool = False, shorts: bool = False,
+                 socks: Colour = (200, 200, 200), sleeves: bool = True,
+                 hair: Colour = (35, 45, 60)) -> None:
+        self._unit, self._shorts, self._sleeves = unit, shorts, sleeves
+        cloth, denim, strand = surface(rng, 0.6), surface(rng, 0.5), surface(rng, 0.3, 3)
+        self._shirt, self._plain_shirt = plain(shirt, cloth, 0.1), plain(shirt)
+        if stripe is not None:
+            self._shirt = striped(shirt, stripe, *((5, 0) if upright else (6, 1)), cloth)
+        self._trousers = plain(trousers, denim, 0.12)
+        self._skin = plain((125, 155, 200), denim, 0.04)
+        self._hair = plain(hair, strand, 0.35)
+        self._socks = plain(socks, cloth, 0.06)
+        self._shoes = plain((40, 40, 45))
         self._render = lru_cache(maxsize=256)(self._rendered)
 
     def sprite(self, phase: float = 0.0, yaw: float = 0.0, stride: float = 1.0) -> Sprite:
@@ -99,11 +82,11 @@ class Person:
         shank = thigh - bend
         ankle = knee + 24 * np.array([0, math.cos(shank), math.sin(shank)])
         toe = ankle + np.array([1.0 * side, 1.8, 7.5])
-        upper = self._skin if self._outfit.shorts else self._trousers
-        lower = self._socks if self._outfit.shorts else self._trousers
+        upper = self._skin if self._shorts else self._trousers
+        lower = self._socks if self._shorts else self._trousers
         parts = [limb(hip, knee, 5.4, upper), limb(knee, ankle, 3.9, lower),
                  limb(ankle, toe, 2.7, self._shoes)]
-        if self._outfit.shorts:
+        if self._shorts:
             parts.append(limb(hip, hip + 0.62 * (knee - hip), 6.6, self._trousers))
             parts.append(ball(knee[0], knee[1], knee[2], 3.9, 4.2, 4.0, self._skin))
         return parts
@@ -116,11 +99,11 @@ class Person:
         elbow = shoulder + 16.5 * np.array([0.12 * side, math.cos(upper), math.sin(upper)])
         fore = upper + bend
         wrist = elbow + 14 * np.array([0, math.cos(fore), math.sin(fore)])
-        sleeve = self._shirt if self._outfit.sleeves else self._skin
-        plain_sleeve = plain(self._outfit.shirt) if self._outfit.sleeves else self._skin
+        sleeve = self._shirt if self._sleeves else self._skin
+        plain_sleeve = self._plain_shirt if self._sleeves else self._skin
         parts = [limb(shoulder, elbow, 3.3, sleeve), limb(elbow, wrist, 2.7, plain_sleeve),
                  ball(wrist[0], wrist[1] + 1.5, wrist[2] + 0.5, 2.2, 2.8, 2.4, self._skin)]
-        if not self._outfit.sleeves:
+        if not self._sleeves:
             parts.append(limb(shoulder, shoulder + 0.5 * (elbow - shoulder), 4.0, self._shirt))
         return parts
 

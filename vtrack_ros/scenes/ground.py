@@ -18,10 +18,9 @@ from vtrack_ros.scenes.texture import fractal_noise
 @dataclass(frozen=True)
 class Ground:
     """
-    A level ground in perspective.
+    A level ground in perspective, up to the y of the horizon; x of the vanishing point: `middle`.
 
-    It ends at the y of the horizon, in world units; `scale` is how high a person 100 units tall
-    appears per unit below the horizon, in hundreds; `middle` is the x of the vanishing point.
+    `scale` is how high a person 100 units tall appears per unit below the horizon, in hundreds.
     """
 
     horizon: float
@@ -68,13 +67,11 @@ def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
 
 
 def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float, *,
-           stride: float = 1.0, phase: float = 0.12,
-           stature: float = 1.0) -> tuple[Actor, Actor]:
+           stride: float = 1.0, phase: float = 0.12) -> tuple[Actor, Actor]:
     """
-    Return a person's shadow and the person, walking where x(t) and y(t) put the feet.
+    Return a person's shadow and the person, walking where x(t) and y(t) put the feet, in frames.
 
-    Times are in frames. `stride` is as in `Person.sprite`, `phase` where in a double step they are
-    at time 0, and somebody of average height has a stature of 1.
+    `stride` is as in `Person.sprite`, `phase` where in a double step they are at time 0.
     """
     times = np.arange(-4.0, duration + 4.5, 0.5)
     xs, ys = np.array([x(t) for t in times]), np.array([y(t) for t in times])
@@ -96,7 +93,7 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
         return float(np.interp(time, times, table))
 
     def place(time: float) -> Placement:
-        return Placement(at(xs, time), at(ys, time), stature * at(sizes, time))
+        return Placement(at(xs, time), at(ys, time), at(sizes, time))
 
     def look(time: float) -> tuple[float, float, float]:
         nearest = int(np.clip(round((time - times[0]) * 2), 0, len(times) - 1))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.scenes.solid import (
-    ball, limb, Paint, plain, render, rotation, striped, Surface)
+    ball, limb, Paint, plain, render, rotation, striped, surface)
 from vtrack_ros.scenes.sprite import Sprite
 from vtrack_ros.scenes.texture import Colour
 
@@ -21,8 +21,8 @@ class Head:
                  hair: Colour = (34, 42, 58), shirt: Colour = (120, 70, 50),
                  stripe: Colour = (170, 160, 150)) -> None:
         self._unit = unit
-        tuft = Surface(rng, 0.25, 4)
-        complexion = Surface(rng, 0.5)
+        tuft = surface(rng, 0.25, 4)
+        complexion = surface(rng, 0.5)
         brushed = plain(hair, tuft, 0.45)
         flesh = plain(skin, complexion, 0.035)
         self._head = [
@@ -34,7 +34,7 @@ class Head:
             ball(0.74, 0.06, -0.02, 0.10, 0.20, 0.15, flesh),
             ball(0, 0.16, 0.84, 0.13, 0.25, 0.17, flesh),
         ]
-        cloth = Surface(rng, 0.5)
+        cloth = surface(rng, 0.5)
         knit = striped(shirt, stripe, 9, 1, cloth, 0.62)
         self._body = [
             limb((0, 0.5, -0.2), (0, 1.5, -0.3), 0.38, flesh),
@@ -57,7 +57,7 @@ class Head:
         return render(self._head if head else self._body, rotation(yaw, pitch), self._unit)
 
 
-def _face(skin: Colour, hair: Colour, complexion: Surface) -> Paint:
+def _face(skin: Colour, hair: Colour, complexion: Paint) -> Paint:
     base = np.array(skin, np.float32)
 
     def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.stage import View
-from vtrack_ros.scenes.texture import Colour, fractal_noise, masonry, tinted, wood_grain
+from vtrack_ros.scenes.texture import Colour, fractal_noise, masonry, tinted
 
 
-def office(view: View, rng: np.random.Generator, margin: float = 12.0,
-           size: float = 1.0) -> Canvas:
+def office(view: View, rng: np.random.Generator, size: float = 1.0) -> Canvas:
     """
     Return the wall of an office: shelf, door, window, posters, some of them skin-coloured.
 
-    It reaches beyond the view by a margin, for a camera that moves; a size of 1 is right for a
-    view that is 100 high.
+    A size of 1 is right for a view that is 100 high.
     """
-    canvas = view.canvas(margin)
+    canvas = view.canvas(12)
     unit = canvas.unit * size
     plaster = fractal_noise(canvas.shape, 30 * unit, rng)
     canvas.fill(tinted(plaster, (150, 168, 172), 0.055, 0.01))
@@ -37,8 +36,10 @@ def door(canvas: Canvas, x: float, bottom: float, size: float,
          rng: np.random.Generator) -> None:
     """Paint a wooden door."""
     top = bottom - 92 * size
-    grain = wood_grain(canvas.shape, canvas.unit * size, rng)
-    wood = tinted(grain, (92, 128, 172), 0.08)
+    height, width = canvas.shape
+    streaks = fractal_noise((max(2, height // 12), width), 4 * (canvas.unit * size), rng, 0.8)
+    wood = tinted(np.asarray(cv2.resize(streaks, (width, height), interpolation=cv2.INTER_CUBIC),
+                             np.float32), (92, 128, 172), 0.08)
     canvas.rectangle(x - 2 * size, top - 2 * size, x + 32 * size, bottom, (90, 98, 104))
     canvas.rectangle(x, top, x + 30 * size, bottom, wood)
     for left, upper, lower in ((4, 6, 38), (17, 6, 38), (4, 44, 84), (17, 44, 84)):

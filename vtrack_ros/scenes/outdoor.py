@@ -14,9 +14,9 @@ _WALLS: tuple[Colour, ...] = (
     (110, 130, 160), (150, 165, 175), (120, 140, 150), (95, 110, 140), (160, 160, 158))
 
 
-def park(view: View, ground: Ground, rng: np.random.Generator, margin: float = 12.0) -> Canvas:
+def park(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     """Return a meadow before a hedge, trees and a wall, with a path across."""
-    canvas = view.canvas(margin)
+    canvas = view.canvas(12)
     unit, span = canvas.unit, view.base_height / 240
     leaves = foliage(canvas.shape, unit * span, rng, (40, 88, 66), 3.2)
     canvas.fill(leaves)
@@ -45,9 +45,9 @@ def park(view: View, ground: Ground, rng: np.random.Generator, margin: float = 1
     return canvas
 
 
-def pitch(view: View, ground: Ground, rng: np.random.Generator, margin: float = 60.0) -> Canvas:
+def pitch(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     """Return a football pitch with boards and a crowd behind it."""
-    canvas = view.canvas(margin)
+    canvas = view.canvas(60)
     unit = canvas.unit
     crowd = fractal_noise(canvas.shape, 2.2 * unit, rng, 0.8)
     canvas.fill(tinted(crowd, (88, 80, 92), 0.35, 0.3))
@@ -81,9 +81,9 @@ def pitch(view: View, ground: Ground, rng: np.random.Generator, margin: float = 
     return canvas
 
 
-def arcade(view: View, ground: Ground, rng: np.random.Generator, margin: float = 12.0) -> Canvas:
+def arcade(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     """Return a shopping arcade: shop windows, pillars, advertisements, a tiled floor."""
-    canvas = view.canvas(margin)
+    canvas = view.canvas(12)
     unit, span = canvas.unit, view.base_height / 288
     wall = fractal_noise(canvas.shape, 40 * unit * span, rng)
     canvas.fill(tinted(wall, (128, 142, 150), 0.05, 0.01))
@@ -152,9 +152,9 @@ def house(canvas: Canvas, left: float, top: float, right: float, bottom: float,
         y += storey
 
 
-def road(view: View, ground: Ground, rng: np.random.Generator, margin: float = 14.0) -> Canvas:
+def road(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     """Return a road that comes out of the distance between houses and trees."""
-    canvas = view.canvas(margin)
+    canvas = view.canvas(14)
     unit, far = canvas.unit, ground.middle
     canvas.fill(sky(canvas, rng))
     leaves = foliage(canvas.shape, unit, rng, (44, 86, 66), 3.0)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.scenes import outdoor
 from vtrack_ros.scenes.canvas import Canvas
-from vtrack_ros.scenes.figure import Outfit, Person
+from vtrack_ros.scenes.figure import Person
 from vtrack_ros.scenes.ground import Ground, walker
 from vtrack_ros.scenes.motion import keyframes, unrest
 from vtrack_ros.scenes.sprite import Placement, Sprite
@@ -40,8 +40,8 @@ def full_occlusion(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who disappears behind a kiosk and comes out on its other side."""
     ground = Ground(70, 0.0062, 160)
     backdrop = outdoor.park(view, ground, rng.spawn(1)[0])
-    target = Person(view.unit, rng, Outfit(shirt=(50, 50, 165), trousers=(95, 70, 55)))
-    other = Person(view.unit, rng, Outfit(shirt=(150, 140, 70), trousers=(60, 66, 76)))
+    target = Person(view.unit, rng, shirt=(50, 50, 165), trousers=(95, 70, 55))
+    other = Person(view.unit, rng, shirt=(150, 140, 70), trousers=(60, 66, 76))
     wobble = unrest(rng, 1.2, 30)
     x = keyframes((0, 40), (40, 108), (62, 152), (84, 196), (110, 250), (140, 282))
     shade, walk = walker(target, ground, x, lambda time: 176 + wobble(time), 140)
@@ -57,10 +57,10 @@ def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who stops and goes on, and is then covered by somebody dressed alike."""
     ground = Ground(90, 0.0064, 192)
     backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
-    target = Person(view.unit * 1.2, rng, Outfit(shirt=(58, 58, 150), trousers=(88, 76, 66)))
-    alike = Person(view.unit * 1.3, rng, Outfit(
-        shirt=(62, 60, 156), trousers=(80, 72, 66), hair=(30, 34, 44)))
-    third = Person(view.unit, rng, Outfit(shirt=(120, 130, 90), trousers=(70, 74, 84)))
+    target = Person(view.unit * 1.2, rng, shirt=(58, 58, 150), trousers=(88, 76, 66))
+    alike = Person(view.unit * 1.3, rng, shirt=(62, 60, 156), trousers=(80, 72, 66),
+                   hair=(30, 34, 44))
+    third = Person(view.unit, rng, shirt=(120, 130, 90), trousers=(70, 74, 84))
     tremor = unrest(rng, 0.8, 35)
     x = keyframes((0, 60), (55, 140), (78, 146), (95, 164), (125, 196), (170, 262))
     y = keyframes((0, 214), (55, 222), (125, 224), (170, 216))
@@ -79,14 +79,13 @@ def football(view: View, rng: np.random.Generator) -> Scene:
     """Return a player among players: covered at frames 58 to 76, in shade from frame 85 on."""
     ground = Ground(20, 0.005, 200)
     backdrop = outdoor.pitch(view, ground, rng.spawn(1)[0])
-    blue = Outfit(shirt=(170, 70, 40), stripe=(215, 215, 215), trousers=(205, 205, 205),
-                  shorts=True, socks=(190, 185, 180), sleeves=False)
-    red = Outfit(shirt=(50, 45, 175), trousers=(40, 40, 45), shorts=True, socks=(50, 45, 150),
-                 sleeves=False)
-    team = [Person(view.unit, rng, blue) for _ in range(3)]
-    rivals = [Person(view.unit, rng, red) for _ in range(3)]
-    referee = Person(view.unit, rng, Outfit(shirt=(45, 45, 45), trousers=(40, 40, 40), shorts=True,
-                                            socks=(40, 40, 40), sleeves=False))
+    team = [Person(view.unit, rng, shirt=(170, 70, 40), stripe=(215, 215, 215), upright=True,
+                   trousers=(205, 205, 205), shorts=True, socks=(190, 185, 180), sleeves=False)
+            for _ in range(3)]
+    rivals = [Person(view.unit, rng, shirt=(50, 45, 175), trousers=(40, 40, 45), shorts=True,
+                     socks=(50, 45, 150), sleeves=False) for _ in range(3)]
+    referee = Person(view.unit, rng, shirt=(45, 45, 45), trousers=(40, 40, 40), shorts=True,
+                     socks=(40, 40, 40), sleeves=False)
     veer = [unrest(rng, 1.5, 24) for _ in range(6)]
     x = keyframes((0, 60), (30, 128), (55, 184), (66, 200), (76, 208), (100, 262), (125, 300),
                   (150, 282))
@@ -130,10 +129,10 @@ def distractor_cross(view: View, rng: np.random.Generator) -> Scene:
     """Return two people dressed alike who pass each other twice, in front and behind."""
     ground = Ground(70, 0.0066, 160)
     backdrop = outdoor.park(view, ground, rng.spawn(1)[0])
-    outfit = Outfit(shirt=(150, 90, 50), stripe=(190, 190, 180), trousers=(60, 64, 72),
-                    upright=False)
-    target, double = (Person(view.unit * 1.1, rng, outfit) for _ in range(2))
-    other = Person(view.unit, rng, Outfit(shirt=(60, 120, 170), trousers=(90, 70, 60)))
+    target, double = (
+        Person(view.unit * 1.1, rng, shirt=(150, 90, 50), stripe=(190, 190, 180),
+               trousers=(60, 64, 72)) for _ in range(2))
+    other = Person(view.unit, rng, shirt=(60, 120, 170), trousers=(90, 70, 60))
     bob = unrest(rng, 1.0, 40)
     x = keyframes((0, 52), (45, 150), (70, 214), (78, 216), (104, 150), (130, 80))
     y = keyframes((0, 176), (70, 180), (104, 198), (130, 200))
@@ -154,10 +153,10 @@ def leave_and_return(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who leaves the image to the right and comes back there 30 frames later."""
     ground = Ground(75, 0.0068, 160)
     backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
-    target = Person(view.unit * 1.2, rng, Outfit(
-        shirt=(60, 140, 190), stripe=(50, 60, 70), trousers=(110, 76, 50), upright=False))
-    one = Person(view.unit, rng, Outfit(shirt=(70, 80, 140), trousers=(60, 60, 66)))
-    two = Person(view.unit * 1.2, rng, Outfit(shirt=(130, 128, 120), trousers=(80, 90, 110)))
+    target = Person(view.unit * 1.2, rng, shirt=(60, 140, 190), stripe=(50, 60, 70),
+                    trousers=(110, 76, 50))
+    one = Person(view.unit, rng, shirt=(70, 80, 140), trousers=(60, 60, 66))
+    two = Person(view.unit * 1.2, rng, shirt=(130, 128, 120), trousers=(80, 90, 110))
     out = view.right + 30
     x = keyframes((0, 100), (30, 190), (60, out), (85, out), (115, 200), (150, 110), (170, 90))
     y = keyframes((0, 196), (60, 192), (85, 190), (170, 204))
@@ -173,9 +172,9 @@ def scale_change(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker who comes towards the camera, turns round, and goes away again."""
     ground = Ground(70, 0.0068, 160)
     backdrop = outdoor.park(view, ground, rng.spawn(1)[0])
-    target = Person(view.unit * 1.5, rng, Outfit(
-        shirt=(150, 150, 60), stripe=(90, 60, 40), trousers=(64, 74, 96), upright=False))
-    other = Person(view.unit, rng, Outfit(shirt=(130, 130, 70), trousers=(64, 70, 80)))
+    target = Person(view.unit * 1.5, rng, shirt=(150, 150, 60), stripe=(90, 60, 40),
+                    trousers=(64, 74, 96))
+    other = Person(view.unit, rng, shirt=(130, 130, 70), trousers=(64, 70, 80))
     x = keyframes((0, 220), (40, 196), (75, 150), (90, 146), (130, 104), (160, 92))
     y = keyframes((0, 134), (40, 172), (75, 246), (88, 250), (130, 160), (160, 122))
     shade, walk = walker(target, ground, x, y, 160)
@@ -187,8 +186,8 @@ def low_light_noise(view: View, rng: np.random.Generator) -> Scene:
     """Return a walker at night, between the light of lamps, in a camera that hardly sees."""
     ground = Ground(75, 0.0068, 160)
     backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
-    target = Person(view.unit * 1.2, rng, Outfit(shirt=(70, 120, 150), trousers=(90, 80, 70)))
-    other = Person(view.unit * 1.2, rng, Outfit(shirt=(110, 100, 90), trousers=(60, 60, 64)))
+    target = Person(view.unit * 1.2, rng, shirt=(70, 120, 150), trousers=(90, 80, 70))
+    other = Person(view.unit * 1.2, rng, shirt=(110, 100, 90), trousers=(60, 60, 64))
     sway = unrest(rng, 1.5, 30)
     x = keyframes((0, 60), (50, 150), (70, 166), (100, 230), (130, 250))
     y = keyframes((0, 186), (70, 196), (130, 188))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from vtrack_ros.scenes.sprite import Sprite
 from vtrack_ros.scenes.texture import Colour, fractal_noise
 
-#: Points on the unit sphere, shape (n, 3), -> colours, shape (n, 3).
+#: Points on the unit sphere, shape (n, 3), -> colours, shape (n, 3), or values, shape (n, 1).
 Paint = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 _LIGHT = np.array([-0.42, -0.62, 0.66], np.float32) / np.float32(0.998)
@@ -21,12 +21,7 @@ _LIGHT = np.array([-0.42, -0.62, 0.66], np.float32) / np.float32(0.998)
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
-    """
-    An ellipsoid: x points right, y down, z towards the viewer.
-
-    `axes`, shape (3, 3), maps the unit sphere onto it about its centre, shape (3,).
-
-    """
+    """The unit sphere mapped by `axes`, (3, 3), about a centre; z points to the viewer."""
 
     centre: NDArray[np.float64]
     axes: NDArray[np.float64]
@@ -65,11 +60,7 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> NDArray
 
 def render(solids: Sequence[Ellipsoid], turn: NDArray[np.float64], unit: float,
            ambient: float = 0.5) -> Sprite:
-    """
-    Return the picture of some solids that a rotation turns, without perspective.
-
-    A length of 1 has `unit` pixels; the side in shadow is as bright as `ambient`, from 0 to 1.
-    """
+    """Return the picture of turned solids, without perspective; `ambient` lights the shadows."""
     solids = [replace(solid, centre=turn @ solid.centre, axes=turn @ solid.axes)
               for solid in solids]
     extents = [np.linalg.norm(solid.axes[:2], axis=1) for solid in solids]
@@ -122,45 +113,37 @@ def _cast(solid: Ellipsoid, colour: NDArray[np.float32], depth: NDArray[np.float
     depth[hit] = reach[hit]
 
 
-class Surface:
-    """
-    Noise on the unit sphere.
+def surface(rng: np.random.Generator, cell: float, stretch: float = 1.0) -> Paint:
+    """Return noise on the sphere, of a cell in radians, stretched along the meridians."""
+    noise = fractal_noise((256, 512), cell * (256 / math.pi), rng, 0.7)
+    if stretch > 1:
+        noise = np.asarray(cv2.resize(noise[:int(256 / stretch)], (512, 256)), np.float32)
 
-    Its largest structures have the size of a cell, in radians, and are longer along the meridians
-    by the factor `stretch`.
-    """
-
-    def __init__(self, rng: np.random.Generator, cell: float = 0.7, stretch: float = 1.0) -> None:
-        pixels = 256 / math.pi
-        noise = fractal_noise((256, 512), cell * pixels, rng, 0.7)
-        if stretch > 1:
-            noise = np.asarray(cv2.resize(noise[:int(256 / stretch)], (512, 256)), np.float32)
-        self._noise = noise
-
-    def __call__(self, points: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the noise at points of shape (n, 3), shape (n, 1)."""
+    def values(points: NDArray[np.float32]) -> NDArray[np.float32]:
         latitude = np.arcsin(np.clip(points[:, 1], -1, 1)) / math.pi + 0.5
         longitude = np.arctan2(points[:, 0], points[:, 2]) / (2 * math.pi) + 0.5
         rows = np.clip((latitude * 256).astype(int), 0, 255)
         columns = np.clip((longitude * 512).astype(int), 0, 511)
-        return np.asarray(self._noise[rows, columns][:, None], np.float32)
+        return np.asarray(noise[rows, columns][:, None], np.float32)
+
+    return values
 
 
-def plain(colour: Colour, surface: Surface | None = None, contrast: float = 0.1) -> Paint:
+def plain(colour: Colour, grain: Paint | None = None, contrast: float = 0.1) -> Paint:
     """Return a paint of one colour, a little uneven."""
     base = np.array(colour, np.float32)
 
     def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
-        grain = contrast * surface(points) if surface is not None else np.float32(0)
-        return np.asarray(np.broadcast_to(base * (1 + grain), (len(points), 3)), np.float32)
+        noise = contrast * grain(points) if grain is not None else np.float32(0)
+        return np.asarray(np.broadcast_to(base * (1 + noise), (len(points), 3)), np.float32)
 
     return paint
 
 
-def striped(one: Colour, other: Colour, count: float, axis: int, surface: Surface,
+def striped(one: Colour, other: Colour, count: float, axis: int, grain: Paint,
             share: float = 0.5) -> Paint:
     """Return a paint of stripes across an axis of the unit sphere."""
-    first, second = plain(one, surface), plain(other, surface)
+    first, second = plain(one, grain), plain(other, grain)
 
     def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
         phase = (points[:, axis:axis + 1] * count / 2) % 1

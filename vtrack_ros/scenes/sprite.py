@@ -16,11 +16,7 @@ Affine = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Placement:
-    """
-    Where and how a sprite stands in the world: its origin, in world units, and its size.
-
-    The angle is in radians, clockwise, as y points down; `aspect` stretches the width.
-    """
+    """Where a sprite stands in the world; the angle is clockwise, `aspect` its stretch."""
 
     x: float
     y: float
@@ -44,10 +40,9 @@ def compose(outer: Affine, inner: Affine) -> Affine:
 @dataclass(frozen=True, eq=False)
 class Sprite:
     """
-    A picture with an outline.
+    A picture, (H, W, 4), of blue, green, red times alpha, 0 to 255, and alpha, 0 to 1.
 
-    The pixels, float32, shape (H, W, 4), are blue, green and red times alpha, 0 to 255, and alpha,
-    0 to 1. A length of 1 has `unit` of them; `left` and `top` are the picture's top-left corner.
+    A length of 1 has `unit` pixels; `left` and `top` are the picture's top-left corner.
     """
 
     pixels: NDArray[np.float32]
@@ -83,11 +78,7 @@ class Sprite:
         return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
     def warped(self, matrix: Affine, bounds: tuple[int, int, int, int]) -> NDArray[np.float32]:
-        """
-        Return the picture, mapped by `matrix`, in a window (left, top, right, bottom).
-
-        Its shape is (bottom - top, right - left, 4).
-        """
+        """Return the picture, mapped by `matrix`, in a window (left, top, right, bottom)."""
         shrink = math.sqrt(abs(np.linalg.det(matrix[:, :2]))) / self.unit
         level = 0
         while shrink < 0.7 and level + 1 < len(self._levels):

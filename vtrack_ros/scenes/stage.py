@@ -21,10 +21,9 @@ VISIBLE = 0.1
 @dataclass(frozen=True)
 class View:
     """
-    What of the world a film of width x height pixels shows while its camera rests.
+    What a film of width x height pixels shows: at least (0, 0) to (base_width, base_height).
 
-    The part of the world from (0, 0) to (base_width, base_height) is always in sight; at another
-    aspect ratio more is seen on two sides.
+    At another aspect ratio than the base's more of the world is seen on two sides.
     """
 
     width: int
@@ -57,7 +56,7 @@ class View:
         """Return the y of the lower edge."""
         return self.base_height - self.top
 
-    def canvas(self, margin: float = 0.0) -> Canvas:
+    def canvas(self, margin: float) -> Canvas:
         """Return a canvas for a backdrop that reaches beyond the view by a margin."""
         return Canvas(self.left - margin, self.top - margin, self.right + margin,
                       self.bottom + margin, self.unit)
@@ -65,11 +64,7 @@ class View:
 
 @dataclass(frozen=True)
 class Actor:
-    """
-    Something in front of the backdrop: the target, an occluder, a passer-by.
-
-    Where it stands, how it looks and how bright it is depend on the time, in frames.
-    """
+    """Something before the backdrop; place, look and brightness depend on the time in frames."""
 
     placement: Callable[[float], Placement]
     sprite: Callable[[float], Sprite]
@@ -243,13 +238,11 @@ def _truth(scene: Scene, time: float) -> tuple[Box, float]:
     for actor in scene.actors[scene.target + 1:]:
         front = actor.sprite(time)
         place = compose(camera, actor.placement(time).matrix())
-        if _overlap(bounds, front.bounds(place)):
+        other = front.bounds(place)
+        if (bounds[0] < other[2] and other[0] < bounds[2]
+                and bounds[1] < other[3] and other[1] < bounds[3]):
             seen *= 1 - front.warped(place, bounds)[..., 3]
     left, top = max(0, -bounds[0]), max(0, -bounds[1])
     inside = seen[top:max(top, scene.view.height - bounds[1]),
                   left:max(left, scene.view.width - bounds[0])]
     return box, float(inside.sum() / alpha.sum())
-
-
-def _overlap(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]

@@ -44,15 +44,6 @@ def fractal_noise(
         cell /= 2
 
 
-def wood_grain(shape: tuple[int, int], unit: float,
-               rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return noise in streaks from top to bottom."""
-    height, width = shape
-    streaks = fractal_noise((max(2, height // 12), width), 4 * unit, rng, 0.8)
-    return np.asarray(cv2.resize(streaks, (width, height), interpolation=cv2.INTER_CUBIC),
-                      np.float32)
-
-
 def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
            hue: float = 0.0) -> Picture:
     """Return one colour whose brightness, and by a share `hue` its red, follow noise."""

@@ -98,12 +98,11 @@ def helicopter(view: View, rng: np.random.Generator) -> Scene:
                      (600, 0.14), (650, -0.25), (700, -0.06), (780, 0.1))
     pitch = keyframes((0, 0.1), (200, 0.0), (300, 0.1), (470, 0.25), (640, 0.05), (780, 0.15))
 
-    def place(time: float) -> Placement:
-        return Placement(x(time) + drift_x(time), y(time) + drift_y(time), size(time))
+    def place(time: float, turn: float = 0.0) -> Placement:
+        return Placement(x(time) + drift_x(time), y(time) + drift_y(time), size(time), turn)
 
     hull = Actor(place, lambda time: machine.sprite(yaw(time), pitch(time), roll(time)))
-    rotor = Actor(lambda time: Placement(x(time) + drift_x(time), y(time) + drift_y(time),
-                                         size(time), roll(time)),
+    rotor = Actor(lambda time: place(time, roll(time)),
                   lambda time: machine.rotor(time, pitch(time)))
     stack = _chimney(view, 26, 190, rng.spawn(1)[0])
     middle = place(281.5).x

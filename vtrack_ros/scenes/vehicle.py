@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.scenes.solid import ball, limb, plain, render, rotation, striped, Surface
+from vtrack_ros.scenes.solid import ball, limb, plain, render, rotation, striped, surface
 from vtrack_ros.scenes.sprite import Sprite
 from vtrack_ros.scenes.texture import Colour, fractal_noise
 
@@ -125,7 +125,7 @@ class Helicopter:
 
     def __init__(self, unit: float, rng: np.random.Generator) -> None:
         self._unit = unit
-        skin = Surface(rng, 0.6)
+        skin = surface(rng, 0.6)
         hull = striped((70, 66, 165), (205, 210, 212), 3.4, 1, skin, 0.6)
         tail = plain((76, 72, 160), skin)
         metal = plain((70, 72, 76))
