@@ -39,15 +39,9 @@ _RADIUS = math.sqrt(-2 * math.log(0.1))
 
 class AnnotatedFrame:
     """
-    A picture of a frame, enlarged until it can be read, to draw on in pixels of the frame.
+    A picture of a frame, to draw on in pixels of the frame, which isn't changed.
 
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-        Isn't changed.
-    enlarge : bool
-        Whether a small frame is enlarged.
-
+    A small one is enlarged until it can be read, if `enlarge` says so.
     """
 
     def __init__(self, frame: Frame, enlarge: bool = True) -> None:
@@ -121,26 +115,13 @@ class AnnotatedFrame:
 
 
 def contact_sheet(pictures: Sequence[Frame], columns: int = 4, gap: int = 4) -> Frame:
-    """
-    Return pictures of one size side by side, row by row.
-
-    Raises
-    ------
-    ValueError
-        If there is no picture, or they differ in size.
-
-    """
-    sizes = {picture.shape for picture in pictures}
-    if len(sizes) != 1:
-        raise ValueError(f'a contact sheet needs pictures of one size, not {sorted(sizes)}')
-    height, width = pictures[0].shape[:2]
-    rows = -(-len(pictures) // columns)
-    sheet = np.full((rows * (height + gap) + gap, columns * (width + gap) + gap, 3), 32, np.uint8)
-    for index, picture in enumerate(pictures):
-        row, column = divmod(index, columns)
-        top, left = gap + row * (height + gap), gap + column * (width + gap)
-        sheet[top:top + height, left:left + width] = picture
-    return sheet
+    """Return pictures of one size side by side, row by row, with gaps between them."""
+    framed = [np.pad(picture, ((gap, 0), (gap, 0), (0, 0)), constant_values=32)
+              for picture in pictures]
+    framed += [np.full_like(framed[0], 32)] * (-len(framed) % columns)
+    sheet = np.vstack([np.hstack(framed[begin:begin + columns])
+                       for begin in range(0, len(framed), columns)])
+    return np.pad(sheet, ((0, gap), (0, gap), (0, 0)), constant_values=32)
 
 
 class Film:
@@ -195,21 +176,10 @@ class Film:
             estimate: Estimate | None = None,
             particles: NDArray[np.float64] | None = None) -> None:
         """
-        Append a frame, with all that is known of it drawn over it.
+        Append a frame, with its number, a text and all that is known of it drawn over it.
 
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-            The image.
-        text : str
-            Stands behind the frame's number.
-        truth : Box, optional
-            The true box.
-        estimate : Estimate, optional
-            What a tracker knows; where it's measured, its centre goes on the trail.
-        particles : ndarray, shape (N, >= 2), optional
-            Centres of particles that aren't in the estimate.
-
+        Where the estimate is measured, its centre goes on the trail; `particles`, shape (N, >= 2),
+        are centres that aren't in it.
         """
         picture = AnnotatedFrame(frame)
         if particles is not None:

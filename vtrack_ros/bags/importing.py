@@ -20,19 +20,9 @@ from vtrack_ros.frame import Frame
 @dataclass(frozen=True)
 class Source:
     """
-    Where frames come from.
+    Where frames come from: image files, or where there are none a video that may tell its rate.
 
-    Parameters
-    ----------
-    path : Path
-        An image folder or a video file.
-    images : tuple of Path
-        The image files; empty for a video.
-    truth : tuple of Box or None, optional
-        The box of each frame, None where the target is absent; None where nothing is known.
-    rate : float, optional, [Hz]
-        The frame rate that the file tells.
-
+    `truth` is the box of each frame, None where the target is absent; None where none is known.
     """
 
     path: Path
@@ -46,16 +36,7 @@ class Source:
         return len(self.images) or (None if self.truth is None else len(self.truth))
 
     def frames(self) -> Iterator[tuple[Frame, Truth]]:
-        """
-        Decode the frames.
-
-        Raises
-        ------
-        SequenceError
-            If one can't be decoded or has another size, or there are more or fewer than the truth
-            has rows.
-
-        """
+        """Decode the frames; SequenceError where one can't be, or they don't fit the truth."""
         count = 0
         for frame in _decoded(self.images) if self.images else _video_frames(self.path):
             count += 1
@@ -69,16 +50,9 @@ class Source:
 
 def open_source(path: Path, truth: Path | None = None, without_truth: bool = False) -> Source:
     """
-    Open an image folder or a video file.
+    Open a video file, or a folder with images or with ``img/`` and ``groundtruth_rect.txt``.
 
-    Parameters
-    ----------
-    path : Path
-        A folder with images, or with ``img/`` and ``groundtruth_rect.txt``; or a video file.
-    truth : Path, optional
-        A file of boxes, one ``x,y,width,height`` a row; by default the folder's own.
-    without_truth : bool
-        Whether to leave the truth out.
+    `truth` is a file of boxes, one ``x,y,width,height`` a row; by default the folder's own.
 
     Raises
     ------

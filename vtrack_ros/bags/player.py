@@ -23,25 +23,14 @@ _DEPTH = 10
 @dataclass(frozen=True)
 class Pace:
     """
-    How a bag is played.
+    How a bag is played: twice as fast at rate 2, and again and again in a loop.
 
-    Parameters
-    ----------
-    rate : float
-        2 plays twice as fast as recorded.
-    loop : bool
-        Whether to begin again at the end, until stopped.
-    clock : float, [Hz]
-        How often the bag's time is published on ``/clock``; 0 for never.
-    wait : float, [s]
-        How long to wait, at most, for a subscriber to the images before the first message.
-
+    `clock` [Hz] is how often the bag's time is published on ``/clock``; 0 for never.
     """
 
     rate: float = 1.0
     loop: bool = False
     clock: float = 0.0
-    wait: float = 0.0
 
 
 @dataclass

@@ -38,17 +38,10 @@ _BROKEN = (
 @dataclass(frozen=True)
 class StampedFrame:
     """
-    A frame of a bag.
+    A frame of a bag, of shape (H, W, 3) in BGR order or (H, W).
 
-    Parameters
-    ----------
-    stamp : int, [ns]
-        From the message's header.
-    received : int, [ns]
-        When the bag recorded it.
-    frame_id : str
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-
+    `stamp` and `frame_id` are from the message's header; the bag recorded it when it was
+    `received`; both times are in nanoseconds.
     """
 
     stamp: int
@@ -134,15 +127,7 @@ class BagReader:
         return max(0, self._reader.duration - 1) / 1e9
 
     def image_topic(self, name: str | None = None) -> Topic:
-        """
-        Return the topic of that name, or the only image topic there is.
-
-        Raises
-        ------
-        BagError
-            If there is no such topic, it holds no images, or there are several to choose from.
-
-        """
+        """Return the topic of that name, or the only image topic there is; BagError for none."""
         images = [topic for topic in self.topics.values()
                   if topic.message_type in messages.IMAGE_TYPES and topic.count]
         listed = ', '.join(f'{topic.name} ({topic.count})' for topic in images)
@@ -248,7 +233,6 @@ class BagReader:
         Return the true box of every stamp in nanoseconds; None where the target is absent.
 
         It comes from the topic, or else from the CSV beside the bag; empty where there's neither.
-
         """
         known = self.topics.get(absolute(topic))
         if known is not None and known.message_type == messages.DETECTIONS:

@@ -28,14 +28,10 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
     ----------
     frames : iterable of (ndarray, Box or None)
         Each frame and the target's true box, None where it's absent.
-    path : str or Path
-        The bag's folder, which must not exist yet.
+    path, storage, compression
+        As `BagWriter` takes them.
     rate : float, [Hz]
         How many frames a second has.
-    storage : {'mcap', 'sqlite3'}
-        The format.
-    compression : {'none', 'png', 'jpeg'}
-        How images are stored: as Image, or as CompressedImage.
     topic : str
         Of the images.
     with_truth : bool

@@ -19,19 +19,9 @@ WAITING = 'waiting'
 @dataclass(frozen=True)
 class Step:
     """
-    What came of one frame.
+    What came of one frame: the estimate after it, and the milliseconds that the tracker took.
 
-    Parameters
-    ----------
-    image : StampedFrame
-        The frame.
-    estimate : Estimate or None
-        What the tracker knew after it; None while there is no target.
-    milliseconds : float
-        How long the tracker took.
-    started : bool
-        Whether the tracker was started on this frame.
-
+    There is no estimate while there is no target; `started` says whether it began on this frame.
     """
 
     image: StampedFrame
@@ -50,7 +40,7 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
     images : iterable of StampedFrame
         In the order in which they came.
     session : TrackingSession
-        What follows the target; it has none yet.
+        Has no target yet.
     truth : mapping
         Stamp in nanoseconds -> true box, None where the target is absent.
     box : Box, optional

@@ -31,12 +31,8 @@ class ResultFolder:
     They take the place of earlier results when they're complete: an error or an interruption
     leaves the folder as it was.
 
-    Parameters
-    ----------
-    path : Path
-        The folder, which is made where it isn't there.
-    source : Path
-        The bag that is read, which the results must not replace.
+    The folder is made where it isn't there; `source` is the bag that is read, which the results
+    must not replace.
 
     Attributes
     ----------

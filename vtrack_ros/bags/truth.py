@@ -25,17 +25,7 @@ def true_box(x: float, y: float, width: float, height: float) -> Box | None:
 
 
 def write_truth(path: Path, truth: Mapping[int, Box | None]) -> None:
-    """
-    Write ``stamp_ns,x,y,width,height`` rows; NaN where the target is absent.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    truth : mapping
-        Stamp in nanoseconds -> box, or None where the target is absent.
-
-    """
+    """Write ``stamp_ns,x,y,width,height`` rows; NaN where the target is absent."""
     with path.open('w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(_COLUMNS)
@@ -45,15 +35,7 @@ def write_truth(path: Path, truth: Mapping[int, Box | None]) -> None:
 
 
 def read_truth(path: Path) -> dict[int, Box | None]:
-    """
-    Read what `write_truth` wrote.
-
-    Raises
-    ------
-    BagError
-        If the file isn't such a table; the message names the line.
-
-    """
+    """Read what `write_truth` wrote; BagError, with the line, if it isn't such a table."""
     truth: dict[int, Box | None] = {}
     with path.open(newline='') as file:
         rows = csv.reader(file)

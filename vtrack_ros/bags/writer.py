@@ -109,21 +109,7 @@ class BagWriter:
     def write_frame(
             self, frame: Frame, stamp: int, topic: str = '/image',
             frame_id: str = 'camera_optical_frame') -> None:
-        """
-        Write a frame as an Image, or as a CompressedImage on the topic's ``/compressed``.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-            The pixels.
-        stamp : int, [ns]
-            When they were taken.
-        topic : str
-            Without ``/compressed``.
-        frame_id : str
-            The camera's frame.
-
-        """
+        """Write a frame as an Image, or as a CompressedImage on the topic's ``/compressed``."""
         if self._compression == 'none':
             self.write(topic, messages.image(frame, stamp, frame_id), stamp)
         else:

@@ -20,19 +20,10 @@ from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 @dataclass(frozen=True)
 class BagSequence(Sequence):
     """
-    The images of a bag, from the first one with a true box on.
+    The images of a bag's topic, from the `first` one with a true box on.
 
-    Parameters
-    ----------
-    path : Path
-        The bag.
-    topic : str
-        The image topic.
-    first : int
-        How many images come before the first true box.
-    intervals : ndarray, shape (n,)
-        The time since the image before, in frame intervals: more than 1 where some dropped.
-
+    `intervals`, shape (n,), is the time since the image before, in frame intervals: more than 1
+    where some dropped.
     """
 
     path: Path
@@ -93,8 +84,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
         stamps = [stamped.stamp for stamped in bag.frames(name)]
     if not boxes:
         raise SequenceError(f'{path}: the bag has no truth, neither as a topic nor as a CSV')
-    first = next((index for index, stamp in enumerate(stamps)
-                  if boxes.get(stamp) is not None), None)
+    first = next((index for index, stamp in enumerate(stamps) if boxes.get(stamp)), None)
     if first is None:
         raise SequenceError(f'{path}: none of the {len(stamps)} images has a true box')
     stamps = stamps[first:]

@@ -36,14 +36,8 @@ class Losses:
     A loss begins with the first frame off the target after one on it (the start counts as on) and
     ends with the next frame on it.
 
-    Parameters
-    ----------
-    count : int
-        How many there were.
-    delays : tuple of int, [frames]
-        For each loss that the tracker reported: the frames that passed before it did, 0 where the
-        first one was reported already.
-
+    `delays` holds for each loss that the tracker reported the frames that passed before it did, 0
+    where the first one was reported already.
     """
 
     count: int
@@ -51,17 +45,7 @@ class Losses:
 
 
 def losses(overlap: FloatArray, reported: BoolArray) -> Losses:
-    """
-    Return how the losses of a sequence were reported.
-
-    Parameters
-    ----------
-    overlap : ndarray, shape (n,)
-        The overlaps, NaN where the target is absent.
-    reported : ndarray of bool, shape (n,)
-        Whether the tracker said in that frame that it doesn't see the target.
-
-    """
+    """Return the losses, given for each frame whether the tracker said that it lost the target."""
     on, off = on_target(overlap), off_target(overlap)
     count, began = 0, -1
     delays = []
@@ -102,9 +86,8 @@ def return_delays(overlap: FloatArray) -> tuple[float, ...]:
     return tuple(delays)
 
 
-def inside_ellipse(
-        boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
-        probability: float) -> FloatArray:
+def inside_ellipse(boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
+                   probability: float) -> FloatArray:
     """
     Return 1 where the true centre is inside the ellipse of the covariance, 0 where it's outside.
 

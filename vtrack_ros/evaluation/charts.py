@@ -45,28 +45,17 @@ def line_chart(curves: Iterable[Curve], x_label: str, y_label: str, *, width: in
                height: int = 300, y_top: float | None = None,
                shaded: Iterable[tuple[float, float]] = ()) -> str:
     """
-    Return a chart of curves.
+    Return a chart of curves, `width` by `height` pixels large.
 
-    Parameters
-    ----------
-    curves : iterable of Curve
-        At least one.
-    x_label, y_label : str
-        What the axes are.
-    width, height : int, [px]
-        The size of the picture.
-    y_top : float, optional
-        Where the y axis ends, which begins at 0; by default beyond the highest value.
-    shaded : iterable of (float, float)
-        Ranges of x to be shaded.
-
+    The y axis begins at 0 and ends at `y_top`, by default beyond the highest value; `shaded` are
+    ranges of x.
     """
     with rc_context(_STYLE):
         figure, axes = _axes(width, height, (52, 40, 10, 8))
         for begin, end in shaded:
             axes.axvspan(begin, end, color='#9aa4b0', alpha=0.25, linewidth=1)
         for curve in curves:
-            axes.plot(curve.x, curve.y, color=curve.color, gid=f'tip:{curve.label}')
+            axes.plot(curve.x, curve.y, color=curve.color, clip_on=False, gid=f'tip:{curve.label}')
         axes.margins(x=0)
         axes.set_ylim(0, y_top)
         axes.grid(axis='y')
@@ -80,15 +69,8 @@ def bar_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]],
     """
     Return groups of horizontal bars from 0 to 1.
 
-    Parameters
-    ----------
-    rows : mapping
-        Group -> label -> (value, standard deviation); a bar without a value is left out.
-    colors : mapping
-        Label -> colour.
-    width : int, [px]
-        The width of the picture.
-
+    `rows` is group -> label -> (value, standard deviation), `colors` label -> colour; a bar
+    without a value is left out.
     """
     with rc_context(_STYLE):
         gap = 1.1

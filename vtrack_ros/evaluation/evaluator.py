@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from uuid import uuid4
 
@@ -83,60 +84,43 @@ def evaluate(
         found = uniquely_named(sequences)
     results = Results(found, chosen, numbers)
     results.problems.extend(Problem(name, '', text) for name, text in broken.items())
-    wanted = [Task(sequence, tracker, numbers[:1] if tracker.deterministic else numbers)
-              for sequence in found for tracker in chosen]
-    total = sum(len(task.seeds) for task in wanted)
-    store = _Store(cache, found)
-    tasks = [store.remaining(task, results) for task in wanted]
-    done = total - sum(len(task.seeds) for task in tasks)
+    fingerprints = {} if cache is None else {one.name: one.fingerprint() for one in found}
+    keys: dict[tuple[str, str, int], str] = {}
+    tasks, done = [], 0
+    for sequence, tracker in product(found, chosen):
+        left = []
+        for seed in numbers[:1] if tracker.deterministic else numbers:
+            run = None
+            if cache is not None:
+                key = run_key(tracker, fingerprints[sequence.name], seed)
+                keys[sequence.name, tracker.label, seed] = key
+                run = cache.get(key)
+            if run is None:
+                left.append(seed)
+            else:
+                results.add(sequence.name, tracker.label, seed, run)
+                done += 1
+        if left:
+            tasks.append(Task(sequence, tracker, tuple(left)))
+    total = done + sum(len(task.seeds) for task in tasks)
     if progress is not None:
         progress(done, total)
-    for task, outcome in _outcomes([task for task in tasks if task.seeds], jobs):
+    for task, outcome in _outcomes(tasks, jobs):
+        name, label = task.sequence.name, task.tracker.label
         if isinstance(outcome, str):
-            results.problems.append(Problem(task.sequence.name, task.tracker.label, outcome))
+            results.problems.append(Problem(name, label, outcome))
         else:
             for seed, run in zip(task.seeds, outcome):
-                results.add(task.sequence.name, task.tracker.label, seed, run)
-                store.keep(task, seed, run)
+                results.add(name, label, seed, run)
+                # Not what was run while the source was changed.
+                if cache is not None and keys[name, label, seed] == run_key(
+                        task.tracker, fingerprints[name], seed):
+                    cache.put(keys[name, label, seed], run)
         done += len(task.seeds)
         if progress is not None:
             progress(done, total)
     results.sort()
     return results
-
-
-class _Store:
-    """The cache as one evaluation sees it, or nothing."""
-
-    def __init__(self, cache: RunCache | None, sequences: Iterable[Sequence]) -> None:
-        self._cache = cache
-        self._fingerprints = {} if cache is None else {
-            sequence.name: sequence.fingerprint() for sequence in sequences}
-        self._keys: dict[tuple[str, str, int], str] = {}
-
-    def remaining(self, task: Task, results: Results) -> Task:
-        """Add the runs that were made before to the results; return those still to be made."""
-        if self._cache is None:
-            return task
-        seeds = []
-        for seed in task.seeds:
-            key = self._key(task, seed)
-            self._keys[task.sequence.name, task.tracker.label, seed] = key
-            run = self._cache.get(key)
-            if run is None:
-                seeds.append(seed)
-            else:
-                results.add(task.sequence.name, task.tracker.label, seed, run)
-        return replace(task, seeds=tuple(seeds))
-
-    def keep(self, task: Task, seed: int, run: Run) -> None:
-        """Keep a run, unless the source was changed while it ran."""
-        key = self._keys.get((task.sequence.name, task.tracker.label, seed))
-        if self._cache is not None and key is not None and key == self._key(task, seed):
-            self._cache.put(key, run)
-
-    def _key(self, task: Task, seed: int) -> str:
-        return run_key(task.tracker, self._fingerprints[task.sequence.name], seed)
 
 
 def _outcomes(
@@ -147,7 +131,7 @@ def _outcomes(
     # so that it's decoded once.
     ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
     parallel = Parallel(n_jobs=-1 if jobs is None else max(1, jobs), batch_size=1,
-                        return_as='generator')
+                        pre_dispatch='all', return_as='generator')
     evaluation = uuid4().hex
     outcomes = parallel(delayed(run_task)(task, evaluation) for task in ordered)
     done = 0
@@ -156,8 +140,7 @@ def _outcomes(
             yield ordered[done], outcome
             done += 1
     except Exception as error:  # noqa: B902 - what a task raises is its outcome: this is a process
-        died = f'a process that ran trackers died ({type(error).__name__}); this run was under ' \
-               'way or waiting'
+        died = f'a process that ran trackers died ({type(error).__name__}) amidst or before this'
         yield from ((task, died) for task in ordered[done:])
     finally:
         outcomes.close()
@@ -178,8 +161,7 @@ def _run(task: Task, seed: int, evaluation: str) -> Run:
     run = run_tracker(task.tracker.create(seed), _frames(sequence, evaluation),
                       sequence.first_box, sequence.steps)
     if len(run.boxes) != len(sequence):
-        raise SequenceError(
-            f'only {len(run.boxes)} of {len(sequence)} frames could be read')
+        raise SequenceError(f'only {len(run.boxes)} of {len(sequence)} frames could be read')
     return run
 
 

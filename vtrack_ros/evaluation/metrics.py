@@ -39,15 +39,7 @@ def truth_rows(boxes: Iterable[Box | None]) -> FloatArray:
 
 
 def checked_boxes(boxes: ArrayLike, name: str = 'boxes') -> FloatArray:
-    """
-    Return boxes as an array of shape (n, 4).
-
-    Raises
-    ------
-    ValueError
-        If the shape is another one.
-
-    """
+    """Return boxes as an array of shape (n, 4); ValueError if the shape is another one."""
     array = np.asarray(boxes, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 4:
         raise ValueError(f'{name} must have shape (n, 4), not {array.shape}')
@@ -62,20 +54,7 @@ def present(truth: ArrayLike) -> BoolArray:
 
 
 def overlaps(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
-    """
-    Return the intersection over union of each box with its truth; NaN where that is absent.
-
-    Parameters
-    ----------
-    boxes, truth : ndarray, shape (n, 4), [px]
-        Row by row of the same frames.
-
-    Raises
-    ------
-    ValueError
-        If the shapes are wrong or differ.
-
-    """
+    """Return the intersection over union of each box with its truth; NaN where that is absent."""
     a, b = _pair(boxes, truth)
     extent = (np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
               - np.maximum(a[:, :2], b[:, :2]))
@@ -149,13 +128,7 @@ class Failures:
     A failure begins when the overlap falls to 0 and ends when it rises above `OFF_TARGET` again;
     frames without the target neither begin nor end one, and aren't counted in its length.
 
-    Parameters
-    ----------
-    count : int
-        How many there were.
-    recoveries : tuple of int, [frames]
-        How many frames each of those that ended had lasted.
-
+    `recoveries` says how many frames each of those that ended had lasted.
     """
 
     count: int

@@ -153,15 +153,7 @@ def peer_names() -> tuple[str, ...]:
 
 
 def peer_class(name: str) -> type[OpenCVTracker]:
-    """
-    Return the class of a peer.
-
-    Raises
-    ------
-    ValueError
-        If there is no such peer in the installed OpenCV.
-
-    """
+    """Return the class of a peer; ValueError if the installed OpenCV has none of that name."""
     for cls in _CLASSES:
         if cls.NAME == name and cls.available():
             return cls

@@ -18,19 +18,7 @@ Scores = dict[str, float]
 
 @dataclass(frozen=True)
 class Problem:
-    """
-    Something that could not be evaluated.
-
-    Parameters
-    ----------
-    sequence : str
-        The sequence's name.
-    tracker : str
-        The tracker's label; empty where the sequence itself is broken.
-    text : str
-        What is wrong.
-
-    """
+    """What is wrong with a run, or with a sequence itself: then `tracker` is empty."""
 
     sequence: str
     tracker: str
@@ -42,16 +30,7 @@ class Problem:
 
 
 class Results:
-    """
-    The runs of an evaluation and what was computed from them.
-
-    Parameters
-    ----------
-    sequences : sequence of Sequence
-    trackers : sequence of TrackerSpecification
-    seeds : tuple of int
-
-    """
+    """The runs of an evaluation and what was computed from them."""
 
     def __init__(self, sequences: Ordered[Sequence], trackers: Ordered[TrackerSpecification],
                  seeds: tuple[int, ...]) -> None:

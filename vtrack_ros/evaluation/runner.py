@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from itertools import repeat
 import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,29 +44,14 @@ class Run:
     cpu_ms: NDArray[np.float64]
     cached: bool = False
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays by name."""
-        return {field.name: getattr(self, field.name)
-                for field in fields(self) if field.name != 'cached'}
-
 
 def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
                 steps: Iterable[float] | None = None) -> Run:
     """
     Start a tracker on the first frame and update it with every other one.
 
-    Only `update` is timed: neither reading a frame nor starting.
-
-    Parameters
-    ----------
-    tracker : Tracker
-        Started anew, whatever it did before.
-    frames : iterable of ndarray of uint8
-        At least one.
-    first_box : Box
-        Where the target is in the first frame.
-    steps : iterable of float, [frames]
-        For each frame the time since the one before, by default 1.
+    Only `update` is timed: neither reading a frame nor starting. `steps` is for each frame the
+    time since the one before, in frame intervals, by default 1.
 
     Raises
     ------
@@ -76,8 +60,7 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
 
     """
     estimates: list[Estimate] = []
-    wall: list[float] = []
-    cpu: list[float] = []
+    times: list[tuple[float, float]] = []
     for frame, step in zip(frames, repeat(1.0) if steps is None else steps):
         if not estimates:
             estimates.append(tracker.start(frame, first_box))
@@ -86,15 +69,15 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
         estimate = tracker.update(frame, step)
         ended, cpu_ended = time.perf_counter(), time.process_time()
         estimates.append(estimate)
-        wall.append(1e3 * (ended - began))
-        cpu.append(1e3 * (cpu_ended - cpu_began))
+        times.append((1e3 * (ended - began), 1e3 * (cpu_ended - cpu_began)))
     if not estimates:
         raise ValueError('the sequence has no frames')
     boxes = np.array([estimate.box.as_array() for estimate in estimates])
     boxes[0] = first_box.as_array()
+    wall, cpu = np.array(times).reshape(-1, 2).T
     return Run(
         boxes=boxes,
         covariances=np.array([estimate.covariance[:2, :2] for estimate in estimates]),
         confidences=np.array([estimate.confidence for estimate in estimates], dtype=np.float64),
         measured=np.array([estimate.measured for estimate in estimates]),
-        wall_ms=np.array(wall), cpu_ms=np.array(cpu))
+        wall_ms=wall, cpu_ms=cpu)

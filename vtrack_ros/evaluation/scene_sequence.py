@@ -9,27 +9,14 @@ import hashlib
 import numpy as np
 
 from vtrack_ros.evaluation.metrics import truth_rows
-from vtrack_ros.evaluation.sequences import check_start, Sequence
+from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.frame import Frame
 from vtrack_ros.scenes import render
 
 
 @dataclass(frozen=True)
 class SceneSequence(Sequence):
-    """
-    A scene of `vtrack_ros.scenes`, rendered again whenever its frames are asked for.
-
-    Parameters
-    ----------
-    scene : str
-    size : tuple of int, [px], optional
-    count : int, optional
-    seed : int
-        What `render` takes.
-    digest : str
-        The hash of its frames and truth.
-
-    """
+    """What `render` makes of these arguments, again whenever frames are asked for."""
 
     scene: str
     size: tuple[int, int] | None
@@ -59,14 +46,8 @@ def scene_sequence(
 
     Parameters
     ----------
-    scene : str
-        One of `vtrack_ros.scenes.scene_names()`.
-    size : tuple of int, [px], optional
-        Width and height; by default the scene's own.
-    frames : int, optional
-        How many; by default the whole story.
-    seed : int
-        The scene's seed.
+    scene, size, frames, seed
+        As `vtrack_ros.scenes.render` takes them, by default the scene's own.
     name : str, optional
         What it's called in tables; by default the scene's name, with what differs from the
         scene's defaults.
@@ -89,5 +70,4 @@ def scene_sequence(
         details += [f'{frames} frames'] if frames is not None else []
         details += [f'seed {seed}'] if seed else []
         name = f'{scene} ({", ".join(details)})' if details else scene
-    check_start(truth, name)
     return SceneSequence(name, truth, scene, size, frames, seed, digest.hexdigest())

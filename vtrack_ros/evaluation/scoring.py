@@ -16,21 +16,7 @@ from vtrack_ros.evaluation.runner import Run
 
 @dataclass(frozen=True)
 class Figure:
-    """
-    One figure of merit.
-
-    Parameters
-    ----------
-    key : str
-        Its name in JSON.
-    title : str
-        Its name in tables.
-    description : str
-        What it says, in one sentence.
-    timed : bool
-        Whether it depends on the clock, and so differs from run to run.
-
-    """
+    """A figure of merit: its name in JSON and in tables; if timed, it differs from run to run."""
 
     key: str
     title: str
@@ -132,9 +118,8 @@ def over_seeds(scores: Iterable[Mapping[str, float]]) -> dict[str, float]:
     return result
 
 
-def over_sequences(
-        scores: Iterable[Mapping[str, float]],
-        judged: Iterable[Confidences]) -> dict[str, float]:
+def over_sequences(scores: Iterable[Mapping[str, float]],
+                   judged: Iterable[Confidences]) -> dict[str, float]:
     """
     Return the summary of one tracker and seed.
 
@@ -149,15 +134,7 @@ def over_sequences(
 
 
 def with_index(rows: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    """
-    Return the figures of compared trackers with `cei`, their composite index [Zhu2012, eq. 21].
-
-    Parameters
-    ----------
-    rows : mapping
-        Tracker -> its figures.
-
-    """
+    """Return the figures by tracker with `cei`, the composite index [Zhu2012, eq. 21]."""
     criteria = {label: [row[key] for key in ('cpu_ms_median', 'rmse_mean', 'rmse_var')]
                 for label, row in rows.items()}
     known = [label for label, values in criteria.items() if not any(map(math.isnan, values))]

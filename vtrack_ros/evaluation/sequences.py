@@ -31,10 +31,20 @@ class Sequence(ABC):
     truth : ndarray, shape (n, 4), [px]
         Rows of x, y, width, height, one per frame; NaN where the target is absent.
 
+    Raises
+    ------
+    SequenceError
+        If the target isn't there in the first frame, in which a tracker is started.
+
     """
 
     name: str
     truth: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if np.isnan(self.truth[0]).any():
+            raise SequenceError(
+                f'{self.name}: the first frame has no box to start a tracker on')
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -57,15 +67,7 @@ class Sequence(ABC):
 
     @abstractmethod
     def frames(self) -> Iterable[Frame]:
-        """
-        Decode the frames.
-
-        Raises
-        ------
-        SequenceError
-            If one can't be read.
-
-        """
+        """Decode the frames; SequenceError if one can't be read."""
 
     def pick(self, indices: Iterable[int]) -> dict[int, Frame]:
         """Return some frames by index; errors as `frames`."""
@@ -79,15 +81,7 @@ class Sequence(ABC):
 
 @dataclass(frozen=True)
 class FolderSequence(Sequence):
-    """
-    A folder with `img/00001.jpg ...` and a `groundtruth_rect.txt`.
-
-    Parameters
-    ----------
-    images : tuple of Path
-        The frames' files, in order.
-
-    """
+    """A folder with a `groundtruth_rect.txt` and images, the frames' files in order."""
 
     images: tuple[Path, ...]
 
@@ -136,15 +130,8 @@ def read_folder(folder: Path) -> list[FolderSequence]:
         if len(truth) != len(images):
             raise SequenceError(
                 f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
-        check_start(truth, str(path))
         result.append(FolderSequence(folder.name + suffix, truth, images))
     return result
-
-
-def check_start(truth: NDArray[np.float64], where: str) -> None:
-    """Raise SequenceError unless the target is there in the first frame."""
-    if np.isnan(truth[0]).any():
-        raise SequenceError(f'{where}: the first frame has no box to start a tracker on')
 
 
 def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:

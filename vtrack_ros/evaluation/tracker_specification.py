@@ -15,15 +15,7 @@ class TrackerSpecification:
     """
     A tracker with the parameters that differ from its defaults.
 
-    Parameters
-    ----------
-    label : str
-        What it's called in tables: the text that it was parsed from.
-    name : str
-        The tracker's name.
-    parameters : tuple of (str, value)
-        Sorted by name.
-
+    The label is what it's called in tables: the text that it was parsed from.
     """
 
     label: str
@@ -46,15 +38,7 @@ class TrackerSpecification:
 
 
 def parse_tracker(text: str) -> TrackerSpecification:
-    """
-    Return the specification that `name` or `name:parameter=value,...` spells.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the tracker, a parameter or a value is wrong.
-
-    """
+    """Return what `name` or `name:parameter=value,...` spells; ValueError if that's nothing."""
     label = text.strip()
     name, _, rest = label.partition(':')
     cls = _class(name)
@@ -71,20 +55,17 @@ def parse_tracker(text: str) -> TrackerSpecification:
 
 def parse_trackers(text: str) -> list[TrackerSpecification]:
     """
-    Return the specifications of a comma-separated list.
+    Return the specifications of a comma-separated list; ValueError if it's wrong or empty.
 
     `all` stands for the package's own trackers, `papers` for the papers' methods as printed, and
     `peers` for OpenCV's own, as far as the OpenCV that is installed has them. In
     `pf,gmpf:particles=40,innovation=0.3,pqkpf` a part with `=` belongs to the tracker before it.
     One that is named twice counts once.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If the list is empty or a part of it is wrong.
-
     """
-    groups = {'all': _own, 'papers': _papers, 'peers': _available_peers}
+    names = tracker_names()
+    groups = {'all': lambda: [name for name in names if not name.endswith('_paper')],
+              'papers': lambda: [name for name in names if name.endswith('_paper')],
+              'peers': _available_peers}
     pieces: list[str] = []
     for part in filter(None, (part.strip() for part in text.split(','))):
         if '=' in part and ':' not in part and pieces:
@@ -102,16 +83,8 @@ def specifications(
     return [parse_tracker(one) if isinstance(one, str) else one for one in trackers]
 
 
-def _own() -> tuple[str, ...]:
-    return tuple(name for name in tracker_names() if not name.endswith('_paper'))
-
-
-def _papers() -> tuple[str, ...]:
-    return tuple(name for name in tracker_names() if name.endswith('_paper'))
-
-
-def _available_peers() -> tuple[str, ...]:
-    names = peer_names()
+def _available_peers() -> list[str]:
+    names = list(peer_names())
     if not names:
         raise ValueError(
             'this OpenCV has none of the peers; scripts/peers runs with one that has them')
