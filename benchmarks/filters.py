@@ -12,13 +12,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 import datetime
-import json
 from pathlib import Path
 import platform
 import time
 from typing import Any
 
 import numpy as np
+from result_files import write_json
 from scalar_filters import FloatArray, paired
 
 from vtrack_ros.estimation import (
@@ -75,7 +75,7 @@ def main(argv: list[str] | None = None) -> int:
         'speed': speed(arguments.repeats), 'rules': rules(arguments),
         'grey': grey(arguments)}
     if arguments.json is not None:
-        arguments.json.write_text(json.dumps(results, indent=1) + '\n', encoding='utf-8')
+        write_json(arguments.json, results)
     return 0
 
 

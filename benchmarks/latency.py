@@ -13,7 +13,6 @@ import argparse
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-import json
 import os
 from pathlib import Path
 import platform
@@ -29,6 +28,7 @@ import numpy as np
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from result_files import write_json
 from sensor_msgs.msg import Image
 from vision_msgs.msg import Detection2DArray
 
@@ -297,7 +297,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     results['parameters'] = measure_parameters(bench, options.tracker, 100)
     results['four'] = measure_four(bench, options.seconds)
     options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / 'latency.json').write_text(json.dumps(results, indent=1) + '\n')
+    write_json(options.out / 'latency.json', results)
     (options.out / 'latency.md').write_text(page(results))
     print(page(results))
     bench.close()

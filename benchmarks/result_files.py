@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
+#: How long a line becomes, but for its indentation and name.
+LONGEST = 500
+
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write figures in four digits; what holds nothing but figures and names takes one line."""
+    """Write figures in four digits; what fits in `LONGEST` characters takes one line."""
     path.write_text(_text(_rounded(content), '') + '\n', encoding='utf-8')
 
 
@@ -17,13 +21,15 @@ def _rounded(value: Any) -> Any:
         return {key: _rounded(one) for key, one in value.items()}
     if isinstance(value, list):
         return [_rounded(one) for one in value]
-    return float(f'{value:.4g}') if isinstance(value, float) else value
+    if isinstance(value, float):
+        return float(f'{value:.4g}') if math.isfinite(value) else None
+    return value
 
 
 def _text(value: Any, indent: str) -> str:
-    inner = value.values() if isinstance(value, dict) else value
-    if not isinstance(value, (dict, list)) or not any(isinstance(one, dict) for one in inner):
-        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if not isinstance(value, (dict, list)) or len(text) <= LONGEST:
+        return text
     deeper = indent + ' '
     rows = ([f'{json.dumps(key, ensure_ascii=False)}: {_text(one, deeper)}'
              for key, one in value.items()] if isinstance(value, dict)

@@ -8,12 +8,12 @@ Accuracy of every tracker, and of OpenCV's, on the shared sequences.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 import sys
 
 import numpy as np
+from result_files import write_json
 
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, parse_trackers, Results
@@ -25,8 +25,6 @@ from vtrack_ros.evaluation.table import markdown, number_text, summary_table, TI
 ROOT = Path(__file__).resolve().parents[1]
 #: Mean AUC over the sixteen targets by an outside harness with OpenCV 5.0, and how near is right.
 REFERENCE = {'opencv_csrt': (0.58, 0.02), 'opencv_kcf': (0.25, 0.03)}
-PER_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'coverage90',
-                'cpu_ms_median')
 COLUMNS = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
            'losses_reported', 'report_frames', 'false_alarms', 'wrong_tracking', 'coverage50',
            'coverage90', 'cpu_ms_median')
@@ -46,8 +44,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f'failed: {problem}', file=sys.stderr)
     print(summary_table(results))
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / 'sequences.json').write_text(
-        json.dumps(_compact(results), indent=1) + '\n', encoding='utf-8')
+    write_json(arguments.out / 'sequences.json', _shown(results))
     (arguments.out / 'sequences.md').write_text(_page(results), encoding='utf-8')
     return 1 if results.problems or not _references_hold(results) else 0
 
@@ -74,7 +71,7 @@ def difference(results: Results, tracker: str, other: str) -> tuple[float, float
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
     parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
-    parser.add_argument('--trackers', default='all,peers')
+    parser.add_argument('--trackers', default='all,papers,peers')
     parser.add_argument('--seeds', type=int, default=5)
     parser.add_argument('--jobs', type=int)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
@@ -94,20 +91,15 @@ def _references_hold(results: Results) -> bool:
     return holds
 
 
-def _compact(results: Results) -> dict[str, object]:
+def _shown(results: Results) -> dict[str, object]:
+    """Return what the page shows, as JSON."""
     whole = as_json(results)
-    keys = {key for figure in PER_SEQUENCE for key in (figure, f'{figure}_std')}
-
-    def rounded(row: dict[str, float | None], kept: set[str]) -> dict[str, float | None]:
-        return {key: None if value is None else round(value, 4)
-                for key, value in row.items() if key in kept}
-
-    whole['sequences'] = {
-        name: {tracker: rounded(row, keys) for tracker, row in rows.items()}
-        for name, rows in whole['sequences'].items()}
-    whole['summary'] = {tracker: rounded(row, set(row))
-                        for tracker, row in whole['summary'].items()}
-    return whole
+    return {
+        **{key: whole[key] for key in ('environment', 'seeds', 'timings', 'problems')},
+        'sequences': {name: {tracker: row['auc'] for tracker, row in rows.items()}
+                      for name, rows in whole['sequences'].items()},
+        'summary': {tracker: {key: row[key] for key in (*COLUMNS, 'auc_std')}
+                    for tracker, row in whole['summary'].items()}}
 
 
 def _page(results: Results) -> str:

@@ -25,7 +25,7 @@ from result_files import write_json
 
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecification
-from vtrack_ros.evaluation.charts import colour
+from vtrack_ros.evaluation.charts import colour, svg
 from vtrack_ros.evaluation.environment import environment
 from vtrack_ros.evaluation.one_thread import one_thread
 from vtrack_ros.evaluation.peers import peer_names
@@ -163,7 +163,7 @@ def main(argv: list[str] | None = None) -> int:
     content = {'environment': environment(), 'threads': 1, 'frames': arguments.frames,
                'seeds': list(range(arguments.seeds)), 'target_px': TARGET, **measured}
     arguments.out.mkdir(parents=True, exist_ok=True)
-    write_json(arguments.out / 'speed.json', content)
+    write_json(arguments.out / 'speed.json', _shown(content))
     page = _page(content)
     (arguments.out / 'speed.md').write_text(page, encoding='utf-8')
     _draw(content, arguments.out)
@@ -219,6 +219,14 @@ def _allows(tracker: TrackerSpecification, count: int) -> bool:
     return True
 
 
+def _shown(content: dict[str, Any]) -> dict[str, Any]:
+    """Return what the page shows: all figures at VGA, elsewhere the processor time alone."""
+    times = {kind: {key: {label: row['cpu_ms'] for label, row in rows.items()}
+                    for key, rows in content[kind].items()}
+             for kind in ('image', 'target', 'particles')}
+    return {**content, **times, 'vga': content['image'][f'{VGA[0]}x{VGA[1]}']}
+
+
 def _draw(content: dict[str, Any], folder: Path) -> None:
     """Write the charts speed_NAME.svg."""
     titles = {'image': ('megapixels of the image', f'time by image size, target {TARGET} px'),
@@ -238,7 +246,7 @@ def _draw(content: dict[str, Any], folder: Path) -> None:
                     axes.plot(*zip(*points), label=label, color=colour(labels.index(label)))
             axes.grid(axis='y')
             figure.legend(loc='outside right upper')
-            figure.savefig(folder / f'speed_{name}.svg', metadata={'Date': None})
+            (folder / f'speed_{name}.svg').write_text(svg(figure) + '\n', encoding='utf-8')
 
 
 def _abscissa(key: str) -> float:

@@ -11,12 +11,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 import datetime
-import json
 from pathlib import Path
 import platform
 from typing import Any
 
 import numpy as np
+from result_files import write_json
 from scalar_filters import (
     Demonstration, filters, FloatArray, paired, rmse, Runs, STEPS, summary)
 
@@ -65,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.sweep:
         results['sweep'] = sweep(arguments)
     if arguments.json is not None:
-        arguments.json.write_text(json.dumps(results, indent=1) + '\n', encoding='utf-8')
+        write_json(arguments.json, results)
     return 0
 
 
@@ -102,7 +102,8 @@ def sweep(arguments: argparse.Namespace) -> dict[str, Any]:
                 count = REFERENCE_PARTICLES if label == 'reference' else particles
                 errors, seconds = runs.run(make, count)
                 values[label] = rmse(errors)
-                entries[label] = summary(errors, runs.states, seconds)
+                figures = summary(errors, runs.states, seconds)
+                entries[label] = {key: figures[key] for key in ('rmse_mean', 'rmse_median')}
             gaps = [paired(values[worse], values[better]) for worse, better in (
                 ('pf', 'epf'), ('epf', 'upf'), ('upf', 'qkpf'))]
             results[f'{setting}, {covariance}'] = {

@@ -61,7 +61,7 @@ def line_chart(curves: Iterable[Curve], x_label: str, y_label: str, *, width: in
         axes.grid(axis='y')
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)
-        return _svg(figure)
+        return svg(figure)
 
 
 def bar_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]],
@@ -95,7 +95,7 @@ def bar_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]],
         axes.set_xlim(0, 1)
         axes.set_ylim(length - 0.5, -0.6)
         axes.grid(axis='x')
-        return _svg(figure)
+        return svg(figure)
 
 
 def _axes(width: int, height: int, margins: tuple[int, int, int, int]) -> tuple[Figure, Any]:
@@ -107,7 +107,8 @@ def _axes(width: int, height: int, margins: tuple[int, int, int, int]) -> tuple[
     return figure, axes
 
 
-def _svg(figure: Figure) -> str:
+def svg(figure: Figure) -> str:
+    """Return a figure as an SVG element; what has the gid `tip:WORDS` says WORDS when hovered."""
     file = StringIO()
     figure.savefig(file, format='svg', metadata={'Date': None})
     text = file.getvalue()
@@ -115,4 +116,4 @@ def _svg(figure: Figure) -> str:
     text = re.sub(r'(\d)pt"', r'\1"', text, count=2)
     # Names become what one reads when the pointer rests on a line, and none is there twice.
     text = re.sub(r'<g id="tip:([^"]*)">', r'<g><title>\1</title>', text)
-    return re.sub(r'<g id="[^"]*"', '<g', text)
+    return re.sub(r'\s*\n\s*', ' ', re.sub(r'<g id="[^"]*"', '<g', text))
