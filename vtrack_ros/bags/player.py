@@ -16,8 +16,9 @@ from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 
 #: How long the player waits for reliable subscribers to have what was sent, in seconds.
 _LONGEST_WAIT = 2.0
-#: How many messages a publisher keeps for those who have not got them yet.
-_DEPTH = 10
+#: How many messages a publisher keeps for reliable subscribers that are held up: seconds of images
+#: at their pace. One that also keeps them for those who subscribe late has fewer.
+_DEPTH, _DEPTH_FOR_LATE = 100, 10
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,6 @@ class Player:
         self._reliability = reliability
         self._publishers: dict[str, Any] = {}
         self._images: set[str] = set()
-        self._waiting: dict[str, int] = {}
         self.skipped: list[str] = []
         self.topics = self._chosen(topics)
         self._check_names()
@@ -129,7 +129,7 @@ class Player:
             if self.stop.is_set() or not pace.loop:
                 break
         played.seconds = time.monotonic() - began
-        self._wait_for_acknowledgement(*self._publishers.values())
+        self._wait_for_acknowledgement()
         return played
 
     def _play_once(self, pace: Pace, clock: Any, played: Played) -> None:
@@ -146,13 +146,7 @@ class Player:
                 tick += 1
             if not self._sleep_until(began + due):
                 return
-            publisher = self._publishers[message.topic]
-            publisher.publish(bytes(message.data))
-            self._waiting[message.topic] = waiting = self._waiting.get(message.topic, 0) + 1
-            if waiting == _DEPTH:
-                # The next one takes the oldest one's place, whether all have got that or not.
-                self._wait_for_acknowledgement(publisher)
-                self._waiting[message.topic] = 0
+            self._publishers[message.topic].publish(bytes(message.data))
             played.counts[self.published_name(message.topic)] += 1
             played.images += message.topic in self._images
 
@@ -164,11 +158,11 @@ class Player:
         left = moment - time.monotonic()
         return not (self.stop.wait(left) if left > 0 else self.stop.is_set())
 
-    def _wait_for_acknowledgement(self, *publishers: Any) -> None:
-        """Let reliable subscribers get what was sent, unless one of them has stopped taking."""
+    def _wait_for_acknowledgement(self) -> None:
+        """Let reliable subscribers get what was sent last, before the publishers go."""
         from rclpy.duration import Duration
         deadline = time.monotonic() + _LONGEST_WAIT
-        for publisher in publishers:
+        for publisher in self._publishers.values():
             left = max(0.0, deadline - time.monotonic())
             publisher.wait_for_all_acked(Duration(seconds=left))
 
@@ -222,7 +216,8 @@ class Player:
                       else DurabilityPolicy.VOLATILE)
         return self._node.create_publisher(
             _message_class(topic.message_type), self.published_name(topic.name),
-            QoSProfile(depth=_DEPTH, reliability=reliability, durability=durability))
+            QoSProfile(depth=_DEPTH_FOR_LATE if topic.transient_local else _DEPTH,
+                       reliability=reliability, durability=durability))
 
     def _clock_publisher(self) -> Any:
         from builtin_interfaces.msg import Time
