@@ -206,11 +206,14 @@ def test_source_of_a_tracker():
 
 def test_specifications():
     """A list of names with parameters; a part with = belongs to the tracker before it."""
-    found = parse_trackers('pf, gmpf:particles=40,sigma=0.2 ,pf')
-    assert [tracker.label for tracker in found] == ['pf', 'gmpf:particles=40,sigma=0.2']
-    assert found[1].parameters == (('particles', 40), ('sigma', 0.2))
+    found = parse_trackers('pf, gmpf:particles=40,floor=0.2 ,pf')
+    assert [tracker.label for tracker in found] == ['pf', 'gmpf:particles=40,floor=0.2']
+    assert found[1].parameters == (('floor', 0.2), ('particles', 40))
     assert found[1].create(0).parameters['particles'] == 40
-    assert [tracker.name for tracker in parse_trackers('all')] == list(tracker_names())
+    own = tracker_names(replicas=False)
+    assert 'dcf' in own and 'pf_paper' not in own
+    assert tuple(tracker.name for tracker in parse_trackers('all')) == own
+    assert tuple(tracker.name for tracker in parse_trackers('all,papers')) == tracker_names()
 
 
 @pytest.mark.parametrize(('text', 'message'), [

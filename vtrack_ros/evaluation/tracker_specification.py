@@ -1,8 +1,8 @@
-"""Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,innovation=0.3`."""
+"""Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,floor=0.5`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from vtrack_ros.evaluation.peers import peer_class, peer_names
@@ -59,13 +59,13 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
 
     `all` stands for the package's own trackers, `papers` for the papers' methods as printed, and
     `peers` for OpenCV's own, as far as the OpenCV that is installed has them. In
-    `pf,gmpf:particles=40,innovation=0.3,pqkpf` a part with `=` belongs to the tracker before it.
+    `pf,gmpf:particles=40,floor=0.5,pqkpf` a part with `=` belongs to the tracker before it.
     One that is named twice counts once.
     """
-    names = tracker_names()
-    groups = {'all': lambda: [name for name in names if not name.endswith('_paper')],
-              'papers': lambda: [name for name in names if name.endswith('_paper')],
-              'peers': _available_peers}
+    own = tracker_names(replicas=False)
+    groups: dict[str, Callable[[], tuple[str, ...]]] = {
+        'all': lambda: own, 'peers': _available_peers,
+        'papers': lambda: tuple(name for name in tracker_names() if name not in own)}
     pieces: list[str] = []
     for part in filter(None, (part.strip() for part in text.split(','))):
         if '=' in part and ':' not in part and pieces:
@@ -83,8 +83,8 @@ def specifications(
     return [parse_tracker(one) if isinstance(one, str) else one for one in trackers]
 
 
-def _available_peers() -> list[str]:
-    names = list(peer_names())
+def _available_peers() -> tuple[str, ...]:
+    names = peer_names()
     if not names:
         raise ValueError(
             'this OpenCV has none of the peers; scripts/peers runs with one that has them')
