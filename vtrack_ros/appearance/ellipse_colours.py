@@ -120,7 +120,7 @@ class EllipseColours:
         return replace(model, moment=np.linalg.inv(square_root(model._moment(
             frame, center, matrix, _REGION))))
 
-    def learned(self, frame: Frame, center: Array, matrix: Array, rate: float) -> EllipseColours:
+    def updated(self, frame: Frame, center: Array, matrix: Array, rate: float) -> EllipseColours:
         """Return the model after an example of that weight."""
         count = len(self.histogram)
         inside = _colours(frame, *_spread(center, matrix, _ELLIPSE), self._levels)

@@ -17,7 +17,7 @@ class ColourHistogram:
     Histograms over a joint colour space, compared by the Bhattacharyya coefficient.
 
     Every box is sampled on the same grid of points, whatever its size. Points outside the image
-    count as a colour that no target has, so that a box which leaves the image loses likeness in
+    count as a colour that no target has, so that a box which leaves the image loses similarity in
     proportion. A grey frame gets an intensity histogram.
 
     Parameters

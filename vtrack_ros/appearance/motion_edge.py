@@ -77,7 +77,7 @@ class MotionEdge:
         result: NDArray[np.float64] = np.exp(-distance2 / (2 * sigma**2))
         return result
 
-    def learn(self, box: NDArray[np.float64]) -> None:
+    def update(self, box: NDArray[np.float64]) -> None:
         """Take the edges in a box (cx, cy, width, height) for the target's, if it moves."""
         if self._codes is None:
             return

@@ -7,28 +7,27 @@ the test: for tracking use `vtrack_ros.trackers`.
 """
 
 from vtrack_ros.replicas.affine_filters import (
-    AffineKeypointParticleFilter, AffineParticleFilter, SubspaceParticleFilter)
-from vtrack_ros.replicas.box_filter import ColourParticleFilter
-from vtrack_ros.replicas.ellipse_tracker import AdaptiveBandwidthMeanShift, MeanShiftParticleFilter
-from vtrack_ros.replicas.grey_filter import GreyParticleFilter
+    AffineKeypointReplica, AffineReplica, SubspaceReplica)
+from vtrack_ros.replicas.box_filter import CondensationReplica
+from vtrack_ros.replicas.ellipse_tracker import MeanShiftParticleReplica, MeanShiftReplica
+from vtrack_ros.replicas.grey_filter import GreyReplica
 from vtrack_ros.replicas.measured_filters import (
-    KalmanParticleFilter, PrunedQuadratureParticleFilter, QuadratureParticleFilter,
-    UnscentedParticleFilter)
+    KalmanReplica, PrunedQuadratureReplica, QuadratureReplica, UnscentedReplica)
 from vtrack_ros.tracker import Tracker
 
 #: The replicas: the four papers' methods first, then their baselines.
 REPLICAS: tuple[type[Tracker], ...] = (
-    GreyParticleFilter,
-    PrunedQuadratureParticleFilter,
-    MeanShiftParticleFilter,
-    AffineKeypointParticleFilter,
-    ColourParticleFilter,
-    KalmanParticleFilter,
-    UnscentedParticleFilter,
-    QuadratureParticleFilter,
-    AdaptiveBandwidthMeanShift,
-    AffineParticleFilter,
-    SubspaceParticleFilter,
+    GreyReplica,
+    PrunedQuadratureReplica,
+    MeanShiftParticleReplica,
+    AffineKeypointReplica,
+    CondensationReplica,
+    KalmanReplica,
+    UnscentedReplica,
+    QuadratureReplica,
+    MeanShiftReplica,
+    AffineReplica,
+    SubspaceReplica,
 )
 
 __all__ = ['REPLICAS']

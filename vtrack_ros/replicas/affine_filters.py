@@ -194,7 +194,7 @@ class ConsecutiveKeypoints:
         self._before = Keypoints(self._seen.points[inside], self._seen.descriptors[inside])
 
 
-class AffineKeypointParticleFilter(AffineParticleTracker):
+class AffineKeypointReplica(AffineParticleTracker):
     """
     APPF: autoregression on the affine group, steered by the keypoints' pose [Xiang].
 
@@ -244,7 +244,7 @@ class AffineKeypointParticleFilter(AffineParticleTracker):
             self._meter.learn(self._state)
 
 
-class AffineParticleFilter(AffineParticleTracker):
+class AffineReplica(AffineParticleTracker):
     """
     The affine-group particle filter without keypoints [Kwon and Park 2010].
 
@@ -257,7 +257,7 @@ class AffineParticleFilter(AffineParticleTracker):
     PARAMETERS = _AFFINE + _GROUP
 
 
-class SubspaceParticleFilter(AffineParticleTracker):
+class SubspaceReplica(AffineParticleTracker):
     """
     PPCA: a particle filter over geometric parameters and a subspace of patches [Ross2008].
 

@@ -147,7 +147,7 @@ class BoxParticleFilter(Tracker):
             state=state_after(self._unseen_frames), particles=boxes)
 
 
-class ColourParticleFilter(BoxParticleFilter):
+class CondensationReplica(BoxParticleFilter):
     """
     PF: the transition prior as the proposal (Condensation), the baseline of all four papers.
 

@@ -148,7 +148,7 @@ class BoxCues:
     def update(self, box: Array) -> None:
         """Take the moving edges in a box, shape (4,), for the target's."""
         if self._edges is not None:
-            self._edges.learn(box)
+            self._edges.update(box)
 
 
 def normalised_masses(likelihoods: Array, _: Array) -> Array:

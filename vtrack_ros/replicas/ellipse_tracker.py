@@ -78,7 +78,7 @@ class Match:
     zeta: float
 
 
-class AdaptiveBandwidthMeanShift(Tracker):
+class MeanShiftReplica(Tracker):
     """
     ABMS: mean shift with an adaptive bandwidth, the baseline of [Yin2013, sec. 1.1].
 
@@ -214,7 +214,7 @@ class AdaptiveBandwidthMeanShift(Tracker):
             values = np.clip(values**gain, 1 / (1 + growth), 1 + growth)
             self._reshape(vectors * values, vectors.T)
         if rate and zeta >= self._accepted:
-            self._colours = self._colours.learned(frame, self._center, self._matrix, rate)
+            self._colours = self._colours.updated(frame, self._center, self._matrix, rate)
 
     def _reshape(self, *factors: Array) -> None:
         matrix = self._matrix
@@ -265,7 +265,7 @@ class AdaptiveBandwidthMeanShift(Tracker):
             particles=np.concatenate([points, sizes], 1) if len(points) else None)
 
 
-class MeanShiftParticleFilter(AdaptiveBandwidthMeanShift):
+class MeanShiftParticleReplica(MeanShiftReplica):
     """
     ABMSPF, adaptive-bandwidth mean shift fused with few particles [Yin2013].
 
@@ -273,7 +273,7 @@ class MeanShiftParticleFilter(AdaptiveBandwidthMeanShift):
     distance and the similarity (eqs 13-15). The particles converge on the result and are redrawn
     about it (sec. 2.2). A search in three stages begins where the two contradict each other or
     nothing is like the target (sec. 2.4): one step ahead, near it, and after ten frames
-    everywhere. What is mended is `AdaptiveBandwidthMeanShift`'s, and so is `as_printed`.
+    everywhere. What is mended is `MeanShiftReplica`'s, and so is `as_printed`.
     """
 
     NAME = 'abmspf_paper'

@@ -10,7 +10,7 @@ from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter, WE
 _VELOCITIES, _SIZES = {2: 0, 3: 1}, (4, 5)
 
 
-class GreyParticleFilter(BoxParticleFilter):
+class GreyReplica(BoxParticleFilter):
     """
     GMPF: a grey forecast of the past estimates as the proposal [Zhu2012].
 

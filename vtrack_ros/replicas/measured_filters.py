@@ -59,7 +59,7 @@ class MeasuredParticleFilter(BoxParticleFilter):
         return 'full' if self._as_printed else super()._weighting()
 
 
-class KalmanParticleFilter(MeasuredParticleFilter):
+class KalmanReplica(MeasuredParticleFilter):
     """KPF: a Kalman filter for each particle, the baseline of [Zhu2012, sec. 5]."""
 
     NAME = 'kpf_paper'
@@ -69,7 +69,7 @@ class KalmanParticleFilter(MeasuredParticleFilter):
         return KalmanFilter(model)
 
 
-class UnscentedParticleFilter(MeasuredParticleFilter):
+class UnscentedReplica(MeasuredParticleFilter):
     """UPF: an unscented Kalman filter for each particle, the baseline of [Zhu2012, sec. 5]."""
 
     NAME = 'upf_paper'
@@ -79,7 +79,7 @@ class UnscentedParticleFilter(MeasuredParticleFilter):
         return SigmaPointFilter(model, unscented)
 
 
-class QuadratureParticleFilter(MeasuredParticleFilter):
+class QuadratureReplica(MeasuredParticleFilter):
     """
     QKPF: a quadrature Kalman filter for each particle, two cues [Qi2012].
 
@@ -107,7 +107,7 @@ class QuadratureParticleFilter(MeasuredParticleFilter):
         return super()._fusion()
 
 
-class PrunedQuadratureParticleFilter(QuadratureParticleFilter):
+class PrunedQuadratureReplica(QuadratureReplica):
     """
     P-QKPF: the quadrature filter without its light points [Qi2012, eqs 20-22].
 
