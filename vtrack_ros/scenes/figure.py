@@ -6,11 +6,14 @@ from functools import lru_cache
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vtrack_ros.scenes.canvas import Colour
+from vtrack_ros.scenes.outdoor import Ground
 from vtrack_ros.scenes.solid import (
     ball, Ellipsoid, limb, plain, render, rotation, striped, surface)
-from vtrack_ros.scenes.sprite import Sprite
-from vtrack_ros.scenes.texture import Colour
+from vtrack_ros.scenes.sprite import Motion, Placement, Sprite
+from vtrack_ros.scenes.stage import Actor
 
 # A step is drawn in so many pictures.
 _PHASES = 32
@@ -116,3 +119,41 @@ def shadow(width: float, height: float, unit: float, strength: float = 0.5) -> S
     pixels = np.zeros((rows, columns, 4), np.float32)
     pixels[..., 3] = strength * np.clip(1 - radius, 0, 1) ** 1.2
     return Sprite(pixels, unit, -columns / unit / 2, -rows / unit / 2)
+
+
+def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float, *,
+           stride: float = 1.0, phase: float = 0.12) -> tuple[Actor, Actor]:
+    """
+    Return a person's shadow and the person, walking where x(t) and y(t) put the feet, in frames.
+
+    `stride` is as in `Person.sprite`, `phase` where in a double step they are at time 0.
+    """
+    times = np.arange(-4.0, duration + 4.5, 0.5)
+    xs, ys = np.array([x(t) for t in times]), np.array([y(t) for t in times])
+    sizes = np.array([ground.size_at(value) for value in ys])
+    # Ways towards the camera look shorter than they are.
+    toward = np.diff(ys) * 3.5
+    paces = np.hypot(np.diff(xs), toward) / sizes[1:] / 115
+    steps = np.concatenate([[0.0], np.cumsum(paces)]) / stride
+    steps += phase - np.interp(0.0, times, steps)
+    speed = np.gradient(steps, times)
+    smooth = np.ones(9) / 9
+    heading_x = np.convolve(np.pad(np.gradient(xs), 4, mode='edge'), smooth, 'valid')
+    heading_y = np.convolve(np.pad(3.5 * np.gradient(ys), 4, mode='edge'), smooth, 'valid')
+    yaws = np.unwrap(np.arctan2(heading_x, heading_y))
+    still = speed < 0.004
+    strides = np.where(still, 0.0, stride)
+
+    def at(table: NDArray[np.float64], time: float) -> float:
+        return float(np.interp(time, times, table))
+
+    def place(time: float) -> Placement:
+        return Placement(at(xs, time), at(ys, time), at(sizes, time))
+
+    def look(time: float) -> tuple[float, float, float]:
+        nearest = int(np.clip(round((time - times[0]) * 2), 0, len(times) - 1))
+        return at(steps, time), at(yaws, time), float(strides[nearest])
+
+    dark = shadow(34, 9, 1.0)
+    return (Actor(place, lambda time: dark),
+            Actor(place, lambda time: person.sprite(*look(time))))

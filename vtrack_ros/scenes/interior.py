@@ -5,9 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from vtrack_ros.scenes.canvas import Canvas
+from vtrack_ros.scenes.canvas import Canvas, Colour, fractal_noise, masonry, tinted
 from vtrack_ros.scenes.stage import View
-from vtrack_ros.scenes.texture import Colour, fractal_noise, masonry, tinted
 
 
 def office(view: View, rng: np.random.Generator, size: float = 1.0) -> Canvas:

@@ -2,16 +2,68 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from vtrack_ros.scenes.canvas import Canvas
-from vtrack_ros.scenes.ground import Ground, speckle, tiles
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.scenes.canvas import (
+    Canvas, Colour, foliage, fractal_noise, lit, masonry, Picture, tinted)
 from vtrack_ros.scenes.stage import View
-from vtrack_ros.scenes.texture import (
-    Colour, foliage, fractal_noise, lit, masonry, Picture, tinted)
 
 _WALLS: tuple[Colour, ...] = (
     (110, 130, 160), (150, 165, 175), (120, 140, 150), (95, 110, 140), (160, 160, 158))
+
+
+@dataclass(frozen=True)
+class Ground:
+    """
+    A level ground in perspective, up to the y of the horizon; x of the vanishing point: `middle`.
+
+    `scale` is how high a person 100 units tall appears per unit below the horizon, in hundreds.
+    """
+
+    horizon: float
+    scale: float
+    middle: float
+
+    def size_at(self, y: float) -> float:
+        """Return how large things are that stand at y."""
+        return self.scale * max(1.0, y - self.horizon)
+
+    def plane(self, canvas: Canvas) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the ground's coordinates (across, away), in units of a thing of size 1."""
+        below = np.maximum(canvas.rows() - self.horizon, 0.4).astype(np.float64)
+        size = self.scale * below
+        across = (canvas.columns() - self.middle) / size
+        away = np.broadcast_to(1 / self.scale ** 2 / below * 2, across.shape)
+        return across, away
+
+
+def tiles(canvas: Canvas, ground: Ground, edge: float, contrast: float,
+          rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return the gain of square tiles of an edge on the ground; they fade in the distance."""
+    across, away = ground.plane(canvas)
+    column, row = np.floor(across / edge).astype(int), np.floor(away / edge).astype(int)
+    table = rng.normal(0, 1, (61, 67))
+    gain = table[row % 61, column % 67]
+    joint = np.minimum(across % edge, edge - across % edge) < 0.035 * edge
+    joint |= np.minimum(away % edge, edge - away % edge) < 0.05 * edge
+    seen = np.clip((canvas.rows() - ground.horizon) * ground.scale * edge / 8, 0, 1)
+    return np.asarray(1 + contrast * seen * (gain - 2.2 * joint), np.float32)
+
+
+def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
+            rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return the gain of irregular ground, such as grass or asphalt, in perspective."""
+    across, away = ground.plane(canvas)
+    noise = fractal_noise((512, 512), 64, rng, 0.75)
+    u, v = np.abs(across / cell * 64 + 300), np.abs(away / cell * 64)
+    # There and back again, so that no seam shows.
+    columns, rows = (np.abs(w.astype(int) % 1022 - 511) for w in (u, v))
+    far = noise[rows, columns]
+    flat = fractal_noise(canvas.shape, 3 * canvas.unit, rng, 0.8)
+    return np.asarray(1 + contrast * (0.7 * far + 0.6 * flat), np.float32)
 
 
 def park(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.scenes import outdoor
-from vtrack_ros.scenes.canvas import Canvas
-from vtrack_ros.scenes.figure import Person
-from vtrack_ros.scenes.ground import Ground, walker
-from vtrack_ros.scenes.motion import keyframes, unrest
-from vtrack_ros.scenes.sprite import Placement, Sprite
+from vtrack_ros.scenes.canvas import Canvas, masonry
+from vtrack_ros.scenes.figure import Person, walker
+from vtrack_ros.scenes.outdoor import Ground
+from vtrack_ros.scenes.sprite import keyframes, Placement, Sprite, unrest
 from vtrack_ros.scenes.stage import Actor, FilmCamera, Light, Scene, View
-from vtrack_ros.scenes.texture import masonry
 
 
 def handheld(rng: np.random.Generator, amount: float) -> FilmCamera:

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtrack_ros.scenes.canvas import Colour, fractal_noise
 from vtrack_ros.scenes.sprite import Sprite
-from vtrack_ros.scenes.texture import Colour, fractal_noise
 
 #: Points on the unit sphere, shape (n, 3), -> colours, shape (n, 3), or values, shape (n, 1).
 Paint = Callable[[NDArray[np.float32]], NDArray[np.float32]]

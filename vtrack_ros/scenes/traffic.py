@@ -7,13 +7,11 @@ import math
 import numpy as np
 
 from vtrack_ros.scenes import outdoor
-from vtrack_ros.scenes.canvas import Canvas
+from vtrack_ros.scenes.canvas import Canvas, masonry
 from vtrack_ros.scenes.figure import shadow
-from vtrack_ros.scenes.ground import Ground
-from vtrack_ros.scenes.motion import keyframes, Motion, unrest
-from vtrack_ros.scenes.sprite import Placement, Sprite
+from vtrack_ros.scenes.outdoor import Ground
+from vtrack_ros.scenes.sprite import keyframes, Motion, Placement, Sprite, unrest
 from vtrack_ros.scenes.stage import Actor, FilmCamera, Scene, View
-from vtrack_ros.scenes.texture import masonry
 from vtrack_ros.scenes.vehicle import Car, Helicopter
 
 # How many world units a metre has on a thing of size 1.

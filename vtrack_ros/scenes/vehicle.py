@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.scenes.canvas import Colour, fractal_noise
 from vtrack_ros.scenes.solid import ball, limb, plain, render, rotation, striped, surface
 from vtrack_ros.scenes.sprite import Sprite
-from vtrack_ros.scenes.texture import Colour, fractal_noise
 
 # The outline of a car from the side, in metres: (along, up); the front is at +2.1.
 _BODY = ((2.10, 0.22), (2.14, 0.58), (1.95, 0.80), (0.95, 0.95), (-1.55, 0.97), (-2.05, 0.90),
