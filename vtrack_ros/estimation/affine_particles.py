@@ -24,17 +24,8 @@ class AffineParticles(ABC):
     A frame maps a rectangle about the origin, of area 1 and the target's first aspect ratio, onto
     the target. Displacements are in units of the target's mean side: noise needs no pixels.
 
-    Parameters
-    ----------
-    first : ndarray, shape (3, 3)
-        Where all particles start.
-    count : int
-        How many.
-    limit : ndarray, shape (2,), [px]
-        The frame's (width, height); no particle's centre goes farther beyond it than a side.
-    rng : numpy.random.Generator
-        Where the noise is drawn from.
-
+    All start at `first`, shape (3, 3); no particle's centre goes farther beyond `limit`, the
+    frame's (width, height) in pixels, than a side.
     """
 
     states: Array
@@ -54,20 +45,17 @@ class AffineParticles(ABC):
     def propose(self, dt: float, sigmas: Array, autoregression: float,
                 move: Array | None = None, share: float = 0.0) -> None:
         """
-        Move every particle by one time step.
+        Move every particle by a time step of `dt` frames.
 
         Parameters
         ----------
-        dt : float, [frames]
-            The time since the last step.
+        dt, autoregression : float
+            The step, and the a of the autoregressive process, where there is one.
         sigmas : ndarray, shape (6,)
             Standard deviations of the noise a frame, in the order of `affine.from_coordinates`.
-        autoregression : float
-            The a of the autoregressive process, where there is one.
         move : ndarray, shape (3, 3), optional
-            A measured movement in the image, p' = move p.
+            A measured movement in the image, p' = move p, that a share of the particles follows.
         share : float
-            Share of the particles that follow the measured movement in place of their own.
 
         """
 
@@ -106,7 +94,6 @@ class GroupParticles(AffineParticles):
     """
 
     def restart(self, state: Array, count: int) -> None:
-        """Put `count` particles at rest at a state, shape (3, 3)."""
         self.states = np.repeat(state[None], count, 0)
         self.velocities: Array = np.zeros_like(self.states)
 
@@ -135,7 +122,6 @@ class GroupParticles(AffineParticles):
         self.states, self.velocities = states, steps / dt
 
     def mean(self, weights: Array) -> Array:
-        """Return the sample mean on the group."""
         return affine.group_mean(self.states, weights)
 
     def gather(self, place: Array, share: float) -> None:
@@ -180,7 +166,6 @@ class VectorParticles(AffineParticles):
         self.vectors, self.states = vectors, states
 
     def mean(self, weights: Array) -> Array:
-        """Return the particle of the largest weight."""
         best: Array = self.states[int(weights.argmax())].copy()
         return best
 

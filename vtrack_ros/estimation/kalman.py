@@ -36,15 +36,9 @@ class Gaussian:
     @classmethod
     def from_moments(cls, mean: ArrayLike, covariance: ArrayLike) -> Gaussian:
         """
-        Make beliefs of means and covariances that the caller hands in.
+        Make beliefs of means (n,) or (N, n), and a covariance (n, n) of all or (N, n, n) of each.
 
-        Parameters
-        ----------
-        mean : array_like, shape (n,) or (N, n)
-            One, or many.
-        covariance : array_like, shape (n, n) or (N, n, n)
-            One for all means, or one for each; symmetric and positive definite.
-
+        ValueError unless covariances are symmetric and positive definite, and all is finite.
         """
         means = checked_array('mean', np.atleast_2d(mean), (None, None))
         count, dimension = means.shape
@@ -95,19 +89,9 @@ class GaussianFilter(ABC):
             self, prior: Gaussian, measurement: FloatArray, time: float = 0.0,
             error: GaussianNoise | None = None) -> Correction:
         """
-        Return the beliefs after a measurement.
+        Return the beliefs after a measurement, shape (m,), the same for all, at `time`.
 
-        Parameters
-        ----------
-        prior : Gaussian
-            N beliefs.
-        measurement : ndarray, shape (m,)
-            The same for all.
-        time : float
-            That of the measurement.
-        error : GaussianNoise, optional
-            The measurement's error, where it differs from the model's.
-
+        Its error is given where it differs from the model's.
         """
         self._check(prior)
         if np.shape(measurement) != (self.model.measurement_dimension,):
@@ -203,17 +187,9 @@ def innovate(
         cross: FloatArray, innovation_covariance: FloatArray, residual: FloatArray,
         ) -> tuple[FloatArray, FloatArray]:
     """
-    Return the gains `cross S^-1` and log-densities of N innovations.
+    Return the gains `cross S^-1`, shape (N, n, m), and log-densities of N innovations.
 
-    Parameters
-    ----------
-    cross : ndarray, shape (N, n, m)
-        The covariance of state and measurement.
-    innovation_covariance : ndarray, shape (N, m, m)
-        S.
-    residual : ndarray, shape (N, m)
-        Measurement minus prediction.
-
+    `cross` is the covariance of state and measurement, S (N, m, m) that of the residuals (N, m).
     """
     dimension = residual.shape[1]
     if dimension == 1:

@@ -105,12 +105,8 @@ class StateSpaceModel(ABC):
     models that change with time use it. Time and dt have the unit of the model, usually seconds
     or frames.
 
-    Parameters
-    ----------
-    state_dimension : int
-    measurement_noise : array_like, shape (m, m)
-        The covariance R, gives m; ValueError unless it's symmetric and positive definite.
-
+    The measurement noise is R, shape (m, m); ValueError unless it's symmetric and positive
+    definite.
     """
 
     measured_components: tuple[int, ...] | None = None
@@ -211,11 +207,9 @@ class LinearModel(StateSpaceModel):
         """Return F of `x_k = F x_{k-1} + c + v`, shape (n, n)."""
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the expected states after `dt`, shape (N, n)."""
         return states @ self.transition_matrix(dt).T
 
     def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return the error-free measurements of states, shape (N, m)."""
         return states @ self.measurement_matrix.T
 
     def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
@@ -267,21 +261,18 @@ class ConstantVelocity(LinearModel):
         super().__init__(matrix, noise)
 
     def transition_matrix(self, dt: float) -> FloatArray:
-        """Return F, shape (n, n): each position gains dt times its velocity."""
         d = self.positions
         matrix = np.eye(self.state_dimension)
         matrix[:d, d:2 * d] = dt * np.eye(d)
         return matrix
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the expected states after `dt`, shape (N, n)."""
         d = self.positions
         expected = states.copy()
         expected[:, :d] += dt * states[:, d:2 * d]
         return expected
 
     def process_noise(self, dt: float) -> FloatArray:
-        """Return Q(dt), shape (n, n), of the integrated white acceleration."""
         d = self.positions
         noise = np.diag(np.full(self.state_dimension, self.wander_density * dt))
         eye = self.acceleration_density * np.eye(d)

@@ -17,12 +17,7 @@ def simulate(
     """
     Draw a trajectory of a model from `start`, shape (n,), at `time`, and its measurements.
 
-    Returns
-    -------
-    states : ndarray, shape (steps, n)
-        Without the start.
-    measurements : ndarray, shape (steps, m)
-
+    They have the shapes (steps, n), without the start, and (steps, m).
     """
     state = checked_array('start', start, (model.state_dimension,))[np.newaxis]
     states = np.empty((steps, model.state_dimension))
@@ -44,12 +39,7 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
 
     The measurement doesn't tell the sign of the state: the posterior has two modes. The print
     adds `8 cos(k)` to y_k, a known offset that changes nothing. A step has dt = 1; `time` is k.
-
-    Parameters
-    ----------
-    process_variance, measurement_variance : float
-        The paper gives none; 10 and 1 are usual (Gordon, Salmond and Smith, 1993).
-
+    The paper gives no variances; 10 and 1 are usual (Gordon, Salmond and Smith, 1993).
     """
 
     def __init__(
@@ -58,7 +48,6 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
         super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the expected states one step after `time`, shape (N, 1)."""
         # In place: 0.5 x + 25 x / (1 + x^2) without four arrays on the way.
         moved = states ** 2
         moved += 1
@@ -69,22 +58,18 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
         return moved
 
     def process_noise(self, dt: float) -> FloatArray:
-        """Return the variance of v, shape (1, 1)."""
         return np.array([[self.process_variance]])
 
     def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return x^2 / 20, shape (N, 1)."""
         return states ** 2 / 20
 
     def transition_jacobian(
             self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the derivative of the transition at each state, shape (N, 1, 1)."""
         square = states ** 2
         slope: FloatArray = 0.5 + 25 * (1 - square) / (1 + square) ** 2
         return slope[:, :, np.newaxis]
 
     def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return the derivative of the measurement at each state, shape (N, 1, 1)."""
         return (states / 10)[:, :, np.newaxis]
 
 
@@ -97,14 +82,8 @@ class VanDerMerweModel(StateSpaceModel):
         y_k = 0.5 x_k - 2 + w   for k > 30
 
     The noise v isn't symmetric and never negative. Its mean is part of `transition`, which leaves
-    a noise of zero mean. A step has dt = 1, and `time` is k.
-
-    Parameters
-    ----------
-    shape, rate : float
-        Of the Gamma density `v^(shape-1) exp(-rate v)`; the mean is shape / rate.
-    measurement_variance : float
-
+    a noise of zero mean: the Gamma density is `v^(shape-1) exp(-rate v)`, its mean shape / rate.
+    A step has dt = 1, and `time` is k.
     """
 
     def __init__(
@@ -115,12 +94,10 @@ class VanDerMerweModel(StateSpaceModel):
         super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the expected states one step after `time`, shape (N, 1)."""
         drift = 1 + math.sin(0.04 * math.pi * time) + self.shape / self.rate
         return 0.5 * states + drift
 
     def process_noise(self, dt: float) -> FloatArray:
-        """Return the variance of v, shape (1, 1)."""
         return np.array([[self.shape / self.rate ** 2]])
 
     def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
@@ -137,18 +114,15 @@ class VanDerMerweModel(StateSpaceModel):
         return np.where(possible, density, -np.inf)
 
     def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return the error-free measurement at `time`, shape (N, 1)."""
         if time <= 30:
             return 0.2 * states ** 2
         return 0.5 * states - 2
 
     def transition_jacobian(
             self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the derivative of the transition at each state, shape (N, 1, 1)."""
         return np.full((len(states), 1, 1), 0.5)
 
     def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
-        """Return the derivative of the measurement at each state, shape (N, 1, 1)."""
         slope = 0.4 * states if time <= 30 else np.full_like(states, 0.5)
         return slope[:, :, np.newaxis]
 
@@ -159,17 +133,7 @@ class BearingRange(StateSpaceModel):
 
     The state is `[p, v]` with positions in the plane (4-D) or in space (6-D), moving as in
     `ConstantVelocity`. The measurement is `[range, bearing]`, with the elevation in space;
-    bearings wrap at pi.
-
-    Parameters
-    ----------
-    positions : {2, 3}
-        How many dimensions the target moves in.
-    acceleration_density : float, [m^2/s^3]
-        Of the white acceleration.
-    measurement_noise : array_like, shape (positions, positions), [m, rad, rad]
-        The covariance; by default 1 m and 0.01 rad of standard deviation.
-
+    bearings wrap at pi. By default its standard deviations are 1 m and 0.01 rad.
     """
 
     def __init__(
@@ -186,15 +150,12 @@ class BearingRange(StateSpaceModel):
         self.measured_components = tuple(range(positions))
 
     def transition_matrix(self, dt: float) -> FloatArray:
-        """Return F of the constant velocity, shape (n, n)."""
         return self._motion.transition_matrix(dt)
 
     def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
-        """Return the expected states after `dt`, shape (N, n)."""
         return self._motion.transition(states, dt, time)
 
     def process_noise(self, dt: float) -> FloatArray:
-        """Return Q(dt), shape (n, n)."""
         return self._motion.process_noise(dt)
 
     def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:

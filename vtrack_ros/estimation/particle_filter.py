@@ -125,15 +125,8 @@ class ParticleFilter:
         """
         Begin, or begin again, with particles from a Gaussian.
 
-        Parameters
-        ----------
-        mean : array_like, shape (n,)
-            Of the state.
-        covariance : array_like, shape (n, n)
-            Symmetric positive definite; ValueError if it isn't, or a shape is wrong.
-        time : float
-            What the clock shows.
-
+        ValueError unless the mean has the shape (n,), and the covariance, shape (n, n), is
+        symmetric and positive definite.
         """
         dimension = self.model.state_dimension
         mean = checked_array('mean', mean, (dimension,))
@@ -149,15 +142,8 @@ class ParticleFilter:
         """
         Put particles where the caller knows better; time and past estimates are kept.
 
-        A covariance that a proposal keeps for each particle becomes that of the new set.
-
-        Parameters
-        ----------
-        states : array_like, shape (N, n)
-            N may differ from before; ValueError if n does or a state isn't finite.
-        log_weights : ndarray, shape (N,), optional
-            Not normalised; uniform by default.
-
+        The N of states (N, n) may differ from before; log-weights (N,) need not be normalised. A
+        covariance that a proposal keeps for each particle becomes that of the new set.
         """
         states = self._checked_states(states)
         weights = (Weights.uniform(len(states)) if log_weights is None
@@ -227,15 +213,8 @@ class ParticleFilter:
         """
         Weight proposed particles and take them over.
 
-        Parameters
-        ----------
-        proposed : Proposed
-            From `propose`, with the same `dt`.
-        log_likelihood : ndarray, shape (N,), or None
-            Of each proposed particle; None where nothing was measured.
-        dt : float
-            The length of the step.
-
+        They are from `propose`, with the same `dt`; the log-likelihood, shape (N,), is None where
+        nothing was measured.
         """
         belief = self.belief
         log_weights = self._log_weights(proposed, belief, dt)

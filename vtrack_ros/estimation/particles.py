@@ -22,17 +22,9 @@ class Weights:
     """
     Normalised importance weights, made by `from_log` or `uniform`.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N,)
-        Non-negative, with sum one.
-    logarithms : ndarray, shape (N,)
-        Their logarithms; -inf for a weight of zero.
-    log_evidence : float
-        The logarithm of the sum before normalisation; -inf where nothing had any weight.
-    recovered : bool
-        Whether no weight was left, so that these are the fallback.
-
+    The values (N,) have the sum one, the logarithm of zero is -inf; `log_evidence` is the
+    logarithm of the sum before normalisation; `recovered` says that no weight was left, so that
+    these are the fallback.
     """
 
     values: FloatArray
@@ -47,16 +39,8 @@ class Weights:
 
         A NaN or +inf is a defect of a likelihood, not information: such a particle gets no
         weight. Where no particle has any (nothing explains the measurement), the result is the
-        fallback with `recovered` set: the measurement is ignored, and the caller can count it.
-
-        Parameters
-        ----------
-        log_weights : ndarray, shape (N,)
-            Not normalised; -inf means no weight. ValueError unless it's a non-empty vector.
-        fallback : Weights, optional
-            Those to return if no weight is left, usually those of before the measurement;
-            uniform by default.
-
+        fallback, usually the weights of before and by default uniform ones, with `recovered` set:
+        the measurement is ignored, and the caller can count it.
         """
         log_weights = np.asarray(log_weights, dtype=np.float64)
         if log_weights.ndim != 1 or not log_weights.size:
@@ -100,18 +84,9 @@ class Belief:
     """
     A weighted particle set at one time, and what proposals need besides.
 
-    Parameters
-    ----------
-    states : ndarray, shape (N, n)
-    weights : Weights
-    time : float
-    covariances : ndarray, shape (N, n, n), optional
-        Of each particle's own Gaussian filter, where the proposal keeps them.
-    estimates : tuple of ndarray, each of shape (n,)
-        The last means, oldest first; as many as the proposal's window.
-    estimate_times : tuple of float
-        The times of the estimates.
-
+    States are of shape (N, n); covariances (N, n, n) are of each particle's own Gaussian filter,
+    where the proposal keeps them; estimates are the last means (n,), oldest first, as many as the
+    proposal's window.
     """
 
     states: FloatArray

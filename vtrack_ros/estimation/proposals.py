@@ -17,17 +17,10 @@ from vtrack_ros.estimation.particles import Belief
 @dataclass(frozen=True, eq=False)
 class Proposed:
     """
-    Samples of a proposal, one for each particle.
+    Samples (N, n) of a proposal, one for each particle, and its log-density (N,) at each.
 
-    Parameters
-    ----------
-    states : ndarray, shape (N, n)
-    log_density : ndarray, shape (N,), optional
-        The proposal's log-density at each sample; None where the proposal is the transition
-        prior itself, so that the two cancel in the weight.
-    covariances : ndarray, shape (N, n, n), optional
-        Of each particle's own Gaussian filter, to be kept for the next step.
-
+    The density is None where the proposal is the transition prior itself, so that the two cancel
+    in the weight. Covariances (N, n, n) are those that each particle's filter keeps.
     """
 
     states: FloatArray
@@ -68,7 +61,6 @@ class PriorProposal(Proposal):
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
             measurement: FloatArray | None = None,
             error: GaussianNoise | None = None) -> Proposed:
-        """Draw one successor for each particle from the model's transition."""
         return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
 
 
@@ -114,7 +106,6 @@ class GaussianFilterProposal(Proposal):
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
             measurement: FloatArray | None = None,
             error: GaussianNoise | None = None) -> Proposed:
-        """Draw each successor from the posterior of the particle's own filter."""
         count, dimension = belief.states.shape
         covariances = np.empty((count, dimension, dimension)) if self.keeps_covariances else None
         if measurement is None:

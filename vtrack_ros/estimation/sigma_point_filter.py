@@ -33,15 +33,9 @@ class SigmaPointFilter(GaussianFilter):
     where `Omega = cov z - G G^T` is what a linear regression of z on x leaves over. It is positive
     semi-definite for a rule without negative weights; with them, its negative part is cut off.
 
-    Parameters
-    ----------
-    model : StateSpaceModel
-    rule : callable
-        Makes the rule for a dimension: `unscented`, `cubature`, or e.g.
-        `functools.partial(gauss_hermite, order=5)`.
-    measured_only : bool
-        Whether updates integrate over the measured components alone, or over all.
-
+    The rule is made for a dimension by `unscented`, `cubature`, or e.g.
+    `functools.partial(gauss_hermite, order=5)`; without `measured_only` updates integrate over
+    all components.
     """
 
     def __init__(

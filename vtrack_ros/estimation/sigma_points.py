@@ -24,18 +24,7 @@ MOST_POINTS = 1_000_000
 
 @dataclass(frozen=True, eq=False)
 class SigmaPointRule:
-    """
-    Points and weights for N(0, I).
-
-    Parameters
-    ----------
-    points : ndarray, shape (m, n)
-    mean_weights : ndarray, shape (m,)
-        For the mean of a function; their sum is one.
-    covariance_weights : ndarray, shape (m,)
-        For second moments about the mean.
-
-    """
+    """Points (m, n) for N(0, I), and weights (m,) of means, with sum one, and covariances."""
 
     points: FloatArray
     mean_weights: FloatArray
@@ -67,15 +56,8 @@ def unscented(
     """
     Return the unscented rule: 2n + 1 points (Julier and Uhlmann, 2004; Wan and van der Merwe).
 
-    Parameters
-    ----------
-    dimension : int
-        n.
-    alpha, beta, kappa : float
-        `lambda = alpha^2 (n + kappa) - n`. By default kappa is 3 - n, and zero where that is
-        negative: no weight is negative then. For n = 1 the default is the Gauss-Hermite rule of
-        order 3.
-
+    `lambda = alpha^2 (n + kappa) - n`. By default kappa is 3 - n, and zero where that is negative:
+    no weight is negative then. For n = 1 the default is the Gauss-Hermite rule of order 3.
     """
     n = checked_count('dimension', dimension)
     checked_positive('alpha', alpha)
@@ -147,12 +129,11 @@ def pruned_gauss_hermite(
 
     Parameters
     ----------
-    dimension : int
-        n.
-    order : int
-        m, points in each dimension before pruning.
+    dimension, order : int
+        n, and m, the points in each dimension before pruning.
     threshold : float, optional
-        Points with a smaller weight are pruned; by default `pruning_threshold(n, m)`.
+        Points with a smaller weight are pruned; by default `pruning_threshold(n, m)`. ValueError
+        where the centre alone would be left.
     regroup : bool
         Whether a pruned point is replaced, as printed, by `xi_a + L (xi_a - xi)` with its weight
         [Qi2012, eq. 21], in place of being left out; xi_a is the nearest kept point (the centroid,
@@ -162,11 +143,6 @@ def pruned_gauss_hermite(
         without `matched` the second moment falls below one, and an update subtracts too little.
     matched : bool
         Whether the second moment is restored.
-
-    Raises
-    ------
-    ValueError
-        If the centre alone would be left.
 
     """
     full = gauss_hermite(dimension, order)

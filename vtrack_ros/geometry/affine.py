@@ -125,18 +125,8 @@ def bounds(transformation: Array, size: tuple[float, float]) -> Array:
     """
     Return the axis-aligned bounds of the images of a rectangle about the origin.
 
-    Parameters
-    ----------
-    transformation : ndarray, shape (..., 3, 3)
-        Maps the rectangle into the image.
-    size : tuple of float
-        The rectangle's (width, height).
-
-    Returns
-    -------
-    ndarray, shape (..., 4), [px]
-        (centre x, centre y, width, height).
-
+    The transformations (..., 3, 3) map the rectangle, of size (width, height), into the image;
+    bounds (..., 4) are (centre x, centre y, width, height) in pixels.
     """
     extent = np.abs(transformation[..., :2, :2] * np.array(size)).sum(-1)
     return np.concatenate([transformation[..., :2, 2], extent], axis=-1)
@@ -156,12 +146,9 @@ def from_vector(vector: Array) -> Array:
     """
     Return transformations, shape (..., 3, 3), from geometric parameters [Ross2008, sec. 4.1].
 
-    Parameters
-    ----------
-    vector : ndarray, shape (..., 6)
-        Logarithm of the scale, logarithm of the aspect ratio, rotation [rad], direction of the
-        skew [rad], x and y: rotated after a stretch by the second along the fourth.
-
+    These, shape (..., 6), are the logarithm of the scale, that of the aspect ratio, rotation
+    [rad], direction of the skew [rad], x and y: rotated after a stretch by the second along the
+    fourth.
     """
     size, aspect, turn, direction, x, y = np.moveaxis(np.asarray(vector, float), -1, 0)
     along = rotation(direction)

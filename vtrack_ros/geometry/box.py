@@ -17,18 +17,8 @@ class Box:
     The origin is the outer corner of the image's top-left pixel, x points right and y down: the
     pixel in column `i` covers `i <= x < i + 1`. A box may reach beyond the image.
 
-    Parameters
-    ----------
-    x, y : float, [px]
-        The top-left corner.
-    width, height : float, [px]
-        The size; both positive.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a value isn't a real number; isn't finite, or a size not positive.
-
+    TypeError where a value isn't a real number, ValueError where one isn't finite or a size isn't
+    positive.
     """
 
     x: float
