@@ -167,7 +167,7 @@ def grey(arguments: argparse.Namespace) -> dict[str, dict[str, float]]:
             steps = [particle_filter.step(z) for z in measurements]
             means = np.array([step.mean for step in steps])
             errors.append(np.sqrt(((means - states)[:, [0, 1, 4, 5]] ** 2).mean()))
-            samples.append(np.mean([step.effective_sample_size for step in steps]))
+            samples.append(np.mean([step.weights.effective_sample_size for step in steps]))
         values[name] = np.array(errors)
         difference = paired(values[name], values['PF'])
         entries[name] = {'rmse_median': float(np.median(errors)),

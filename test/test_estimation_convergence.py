@@ -66,7 +66,7 @@ def run(model, proposal, measurements, particles, seed, **options):
     log_evidence = 0.0
     for measurement in measurements:
         step = particle_filter.step(measurement)
-        log_evidence += step.log_evidence
+        log_evidence += step.weights.log_evidence
     assert particle_filter.recoveries == 0
     return step.mean, step.covariance, log_evidence
 

@@ -41,9 +41,9 @@ def test_without_a_likelihood_a_step_is_a_prediction():
     # The standard error of a variance v from N samples is v sqrt(2 / N).
     np.testing.assert_allclose(result.covariance, predicted,
                                atol=5 * math.sqrt(2 / 20000) * predicted.max())
-    assert result.belief.time == particle_filter.belief.time == 4.5
-    assert result.log_evidence == pytest.approx(0.0)
-    assert not result.resampled
+    assert result.time == particle_filter.belief.time == 4.5
+    assert result.weights.log_evidence == pytest.approx(0.0)
+    assert particle_filter.belief is result
 
 
 def test_a_likelihood_may_be_any_function_of_the_states():
@@ -56,10 +56,11 @@ def test_a_likelihood_may_be_any_function_of_the_states():
 
     result = particle_filter.step(log_likelihood=log_likelihood)
     assert seen == [(5000, 6)]
-    inside = result.belief.states[:, 0] > 0
-    np.testing.assert_allclose(result.belief.weights.values[~inside], 0.0)
-    assert math.exp(result.log_evidence) == pytest.approx(inside.mean())
-    assert (particle_filter.belief.states[:, 0] > 0).all() == result.resampled
+    inside = result.states[:, 0] > 0
+    np.testing.assert_allclose(result.weights.values[~inside], 0.0)
+    assert math.exp(result.weights.log_evidence) == pytest.approx(inside.mean())
+    assert (particle_filter.belief.states[:, 0] > 0).all() == (
+        particle_filter.belief is not result)
 
 
 def test_propose_and_weight_are_a_step():
@@ -76,10 +77,10 @@ def test_propose_and_weight_are_a_step():
 def test_the_estimate_is_taken_before_resampling():
     particle_filter = make(threshold=1.0)
     result = particle_filter.step(np.array([1.0, 1.0]))
-    assert result.resampled
-    weights = result.belief.weights.values
-    np.testing.assert_allclose(result.mean, weights @ result.belief.states)
-    deviation = result.belief.states - result.mean
+    assert particle_filter.belief is not result
+    weights = result.weights.values
+    np.testing.assert_allclose(result.mean, weights @ result.states)
+    deviation = result.states - result.mean
     np.testing.assert_allclose(result.covariance, (deviation.T * weights) @ deviation)
     np.testing.assert_allclose(particle_filter.belief.weights.values, 1 / 200)
 
@@ -88,7 +89,8 @@ def test_the_estimate_is_taken_before_resampling():
 def test_the_threshold_decides_on_resampling(threshold, resampled):
     particle_filter = make(threshold=threshold)
     for _ in range(5):
-        assert particle_filter.step(np.array([0.5, 0.5])).resampled is resampled
+        result = particle_filter.step(np.array([0.5, 0.5]))
+        assert (particle_filter.belief is not result) == resampled
 
 
 @pytest.mark.parametrize('value', [-math.inf, math.nan])
@@ -100,11 +102,11 @@ def test_nothing_explains_the_measurement(value, proposal):
         particle_filter.step(np.array([0.1, 0.1]))
     before = particle_filter.belief.weights.values
     result = particle_filter.step(log_likelihood=lambda states: np.full(len(states), value))
-    assert result.recovered and particle_filter.recoveries == 1
-    np.testing.assert_array_equal(result.belief.weights.values, before)
+    assert result.weights.recovered and particle_filter.recoveries == 1
+    np.testing.assert_array_equal(result.weights.values, before)
     assert np.isfinite(result.mean).all() and np.isfinite(result.covariance).all()
     again = particle_filter.step(np.array([0.1, 0.1]))
-    assert not again.recovered and particle_filter.recoveries == 1
+    assert not again.weights.recovered and particle_filter.recoveries == 1
 
 
 @pytest.mark.parametrize('proposal', [PriorProposal(), GreyProposal(), GreyProposal(margin=None)])
@@ -142,7 +144,7 @@ def test_particles_put_by_the_caller_keep_time_and_memory(covariance):
         assert len(belief) == 50 and belief.time == kept.time
         assert belief.estimates == kept.estimates
         result = particle_filter.step(np.array([7.0, 7.0]))
-        assert len(result.belief) == 50 and np.isfinite(result.mean).all()
+        assert len(result) == 50 and np.isfinite(result.mean).all()
 
 
 def test_particles_may_be_set_without_a_start():
@@ -293,8 +295,8 @@ def test_simplified_weights_are_the_likelihood_alone():
     for step in range(8):
         target = np.array([0.3 * step, 0.0])
         result = particle_filter.step(target)
-    likelihood = np.exp(particle_filter.model.log_likelihood(result.belief.states, target))
-    np.testing.assert_allclose(result.belief.weights.values, likelihood / likelihood.sum())
+    likelihood = np.exp(particle_filter.model.log_likelihood(result.states, target))
+    np.testing.assert_allclose(result.weights.values, likelihood / likelihood.sum())
 
 
 def test_full_weights_are_the_paper_s():
@@ -311,7 +313,7 @@ def test_full_weights_are_the_paper_s():
                   + model.log_transition(proposed.states, before.states, 1.0)
                   - proposed.log_density)
     expected = np.exp(log_weight - log_weight.max())
-    np.testing.assert_allclose(result.belief.weights.values, expected / expected.sum())
+    np.testing.assert_allclose(result.weights.values, expected / expected.sum())
 
 
 @pytest.mark.parametrize('options, name', [
@@ -443,6 +445,6 @@ def test_simplified_weights_need_no_densities_of_the_grey_samples(share):
         loop.start(np.zeros(4), np.eye(4))
         for k in range(8):
             step = loop.step(np.array([1.0 * k, 0.0]))
-        runs.append(step.belief)
+        runs.append(step)
     np.testing.assert_array_equal(runs[0].states, runs[1].states)
     np.testing.assert_array_equal(runs[0].weights.values, runs[1].weights.values)

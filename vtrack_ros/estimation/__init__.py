@@ -14,10 +14,10 @@ Bayesian filters on any state-space model; they know no pixels and no ROS.
 >>> filters = [ParticleFilter(model, proposal, particles=2000, rng=np.random.default_rng(1))
 ...            for proposal in (PriorProposal(), GaussianFilterProposal(kalman_filter))]
 >>> for particle_filter in filters:
-...     belief = particle_filter.start(mean=[0.0, 1.0], covariance=np.eye(2))
+...     _ = particle_filter.start(mean=[0.0, 1.0], covariance=np.eye(2))
 ...     for position in (1.1, 2.0, 2.9):
-...         step = particle_filter.step([position], dt=1.0)
-...     print(step.mean.round(1))
+...         belief = particle_filter.step([position], dt=1.0)
+...     print(belief.mean.round(1))
 [2.9 0.9]
 [2.9 0.9]
 
@@ -32,7 +32,7 @@ from vtrack_ros.estimation.model import (
     ConstantVelocity, GaussianNoise, LinearModel, StateSpaceModel)
 from vtrack_ros.estimation.nonlinear_models import (
     BearingRange, simulate, UnivariateNonstationaryGrowth, VanDerMerweModel)
-from vtrack_ros.estimation.particle_filter import FilterStep, ParticleFilter
+from vtrack_ros.estimation.particle_filter import ParticleFilter
 from vtrack_ros.estimation.particles import (
     Belief, RESAMPLERS, spread_about, Weights)
 from vtrack_ros.estimation.proposals import (
@@ -44,7 +44,7 @@ from vtrack_ros.estimation.sigma_points import (
 
 __all__ = [
     'BearingRange', 'Belief', 'central_differences', 'composite_index', 'ConstantVelocity',
-    'covariance_factors', 'cubature', 'ExtendedKalmanFilter', 'FilterStep',
+    'covariance_factors', 'cubature', 'ExtendedKalmanFilter',
     'gauss_hermite', 'Gaussian', 'GaussianFilter',
     'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
     'KalmanFilter', 'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',

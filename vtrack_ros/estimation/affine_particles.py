@@ -54,8 +54,9 @@ class AffineParticles(ABC):
         sigmas : ndarray, shape (6,)
             Standard deviations of the noise a frame, in the order of `affine.from_coordinates`.
         move : ndarray, shape (3, 3), optional
-            A measured movement in the image, p' = move p, that a share of the particles follows.
+            A measured movement in the image, p' = move p.
         share : float
+            Of the particles, that follow the movement.
 
         """
 

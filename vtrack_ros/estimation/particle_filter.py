@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -17,39 +17,6 @@ from vtrack_ros.estimation.proposals import PriorProposal, Proposal, Proposed
 LogLikelihood: TypeAlias = Callable[[FloatArray], FloatArray]
 
 WEIGHTINGS = ('full', 'simplified')
-
-
-@dataclass(frozen=True, eq=False)
-class FilterStep:
-    """The belief after a measurement, before resampling; and whether that followed."""
-
-    belief: Belief
-    resampled: bool
-
-    @property
-    def mean(self) -> FloatArray:
-        """Return the posterior mean, shape (n,)."""
-        return self.belief.mean
-
-    @property
-    def covariance(self) -> FloatArray:
-        """Return the posterior covariance, shape (n, n)."""
-        return self.belief.covariance
-
-    @property
-    def effective_sample_size(self) -> float:
-        """Return the effective sample size before resampling, from 1 to N."""
-        return self.belief.weights.effective_sample_size
-
-    @property
-    def log_evidence(self) -> float:
-        """Return the estimate of log p(z_k | z_1..z_{k-1}); not one with simplified weights."""
-        return self.belief.weights.log_evidence
-
-    @property
-    def recovered(self) -> bool:
-        """Whether no particle had any weight, so that the measurement was ignored."""
-        return self.belief.weights.recovered
 
 
 class ParticleFilter:
@@ -70,7 +37,7 @@ class ParticleFilter:
       few.
 
     Where no particle explains the measurement (all weights vanish), the measurement is ignored:
-    the proposed particles keep the weights of before, the step is marked `recovered`, and
+    the proposed particles keep the weights of before, these are marked `recovered`, and
     `recoveries` counts it.
 
     Parameters
@@ -166,9 +133,11 @@ class ParticleFilter:
     def step(
             self, measurement: ArrayLike | None = None, dt: float = 1.0,
             log_likelihood: LogLikelihood | None = None,
-            error: GaussianNoise | None = None) -> FilterStep:
+            error: GaussianNoise | None = None) -> Belief:
         """
         Go on by `dt`: propose, weight, estimate, resample.
+
+        Returned is the belief before resampling: take estimates from this one.
 
         Parameters
         ----------
@@ -209,9 +178,9 @@ class ParticleFilter:
 
     def weight(
             self, proposed: Proposed, log_likelihood: FloatArray | None,
-            dt: float = 1.0) -> FilterStep:
+            dt: float = 1.0) -> Belief:
         """
-        Weight proposed particles and take them over.
+        Weight proposed particles and take them over; return the belief before resampling.
 
         They are from `propose`, with the same `dt`; the log-likelihood, shape (N,), is None where
         nothing was measured.
@@ -232,7 +201,7 @@ class ParticleFilter:
         posterior = Belief(proposed.states, weights, time, proposed.covariances, *memory)
         resample = weights.effective_sample_size < self.threshold * len(weights)
         self._belief = self._resampled(posterior) if resample else posterior
-        return FilterStep(posterior, resample)
+        return posterior
 
     def _log_weights(self, proposed: Proposed, belief: Belief, dt: float) -> FloatArray:
         """Return the log-weights without the likelihood, shape (N,)."""

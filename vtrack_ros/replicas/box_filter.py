@@ -105,8 +105,8 @@ class BoxParticleFilter(Tracker):
             error = GaussianNoise.from_covariance(covariance)
         proposed = self._filter.propose(center, dt, error)
         boxes = _boxes(proposed.states)
-        step = self._filter.weight(proposed, self._cues.log_likelihood(boxes), dt)
-        weights = step.belief.weights.values
+        belief = self._filter.weight(proposed, self._cues.log_likelihood(boxes), dt)
+        weights = belief.weights.values
         mean = weights @ boxes
         self._box = self._cues.bounded(mean[None])[0]
         confidence = self._cues.confidence(self._box)

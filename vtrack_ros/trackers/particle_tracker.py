@@ -81,7 +81,7 @@ class ParticleTracker(Tracker):
         boxes = self._boxes(proposed.states)
         likelihood = response.sample(proposed.states[:, :2])
         likelihood *= 1 / (float(self._parameters['temperature']) * localiser.usual_response)
-        weights = self._filter.weight(proposed, likelihood, dt).belief.weights.values
+        weights = self._filter.weight(proposed, likelihood, dt).weights.values
         mean = weights @ boxes
         place = response.local_maximum((float(mean[0]), float(mean[1])))
         if localiser.update(frame, response, response.unless_dominated(place), dt):
