@@ -14,7 +14,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from vtrack_ros.ros.parameters import INIT_BOX, init_box
+from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
 #: What a target may say of itself.
@@ -51,7 +51,7 @@ def node(path, namespace, target):
     parameters = dict(target.get('parameters') or {})
     # Nothing is nothing: launch has no type for an empty list.
     try:
-        box = init_box(parameters.pop(INIT_BOX, None) or [])
+        box = checked_init_box(parameters.pop(INIT_BOX, None) or [])
     except (TypeError, ValueError) as error:
         raise ValueError(f'{path}: {namespace}: {error}') from None
     if box is not None:

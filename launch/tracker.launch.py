@@ -14,7 +14,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from vtrack_ros.ros.parameters import INIT_BOX, init_box
+from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
 ARGUMENTS = {
@@ -74,7 +74,7 @@ def target(text):
         value = yaml.safe_load(text)
     except yaml.YAMLError:
         value = text
-    return init_box([] if value is None else value)
+    return checked_init_box([] if value is None else value)
 
 
 def profile():

@@ -13,7 +13,7 @@ import pytest
 from sensor_msgs.msg import CompressedImage
 from vtrack_ros.dds import profile_path, receiving_profile, VARIABLES, with_profile
 from vtrack_ros.ros.parameter_files import files
-from vtrack_ros.ros.parameters import INIT_BOX, NODE_PARAMETERS, parameter_table
+from vtrack_ros.ros.parameter_node import INIT_BOX, NODE_PARAMETERS, parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
 import yaml
 

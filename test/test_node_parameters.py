@@ -7,7 +7,7 @@ import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 
-from vtrack_ros.ros.parameters import parameter_table
+from vtrack_ros.ros.parameter_node import parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
 
 TYPES = {bool: ParameterType.PARAMETER_BOOL, int: ParameterType.PARAMETER_INTEGER,

@@ -2,9 +2,14 @@
 
 import math
 
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
+import pytest
 
-from vtrack_ros.ros.diagnostics import FrameFlow, percentiles, report
+from vtrack_ros.geometry import Box
+from vtrack_ros.ros.diagnostics import percentiles, report, SHARED_MEMORY, state_status
+from vtrack_ros.session.frame_flow import Arrival, FrameFlow, MOST_LATE
+from vtrack_ros.tracker import Estimate, TrackState
 
 STEP = 33_333_333
 MS = 10**6
@@ -38,6 +43,7 @@ def test_missing_frames_are_counted_by_their_stamps():
     flow = FrameFlow()
     feed(flow, [i for i in range(60) if i < 10 or i % 3])
     assert flow.missing == 16
+    flow.largest = SHARED_MEMORY
     level, text, values = judge(flow, 60 * STEP)
     assert level == 1 and '16' in text and 'fastdds.xml' in text
     assert values['frames missing'] == '16'
@@ -62,6 +68,59 @@ def test_jitter_is_no_loss():
     assert flow.missing == 0
 
 
+@pytest.mark.parametrize('milliseconds', [2, 5, 10])
+def test_stamps_that_shake_lose_nothing(milliseconds):
+    """However unsteady a driver's stamps are, three thousand frames that came are not missing."""
+    rng = np.random.default_rng(1)
+    flow = FrameFlow()
+    for index in range(3000):
+        flow.arrived(10**9 + index * STEP + int(rng.normal(0, milliseconds * MS)), 1)
+    assert flow.missing <= 15
+
+
+def test_losses_are_counted_though_the_stamps_shake():
+    """Every tenth frame never came, and the others are stamped 2 ms early or late."""
+    rng = np.random.default_rng(1)
+    flow = FrameFlow()
+    for index in [i for i in range(3000) if i % 10]:
+        flow.arrived(10**9 + index * STEP + int(rng.normal(0, 2 * MS)), 1)
+    assert abs(flow.missing - 299) < 15
+
+
+def test_small_images_do_not_want_more_shared_memory():
+    """The profile is advised only where images don't fit what there is without it."""
+    flow = FrameFlow()
+    feed(flow, [i for i in range(60) if i < 10 or i % 3])
+    flow.largest = 30_000
+    _, text, _ = judge(flow, 60 * STEP)
+    assert 'missing' in text and 'fastdds' not in text
+
+
+def test_a_late_frame_begins_no_stream():
+    """A stamp that steps back once, by a reordered frame or an NTP step, is but a late frame."""
+    flow = FrameFlow()
+    for index in range(200):
+        early = 75 * MS if index % 40 == 39 else 0
+        arrival = flow.arrived(10**9 + index * STEP - early, 1)
+        assert arrival is (Arrival.LATE if early else Arrival.NEXT)
+    assert flow.late == 5
+
+
+def test_a_clock_that_was_set_back_is_no_loop():
+    """Several frames in a row before the newest one are no late ones."""
+    flow = FrameFlow()
+    feed(flow, range(300))
+    back = [flow.arrived((299 - 10 + index) * STEP, 1) for index in range(MOST_LATE)]
+    assert back == [Arrival.LATE] * (MOST_LATE - 1) + [Arrival.RESET]
+    # By seconds: at once. Where the stream began: it begins again.
+    assert flow.arrived(200 * STEP, 1) is Arrival.RESET
+    assert flow.arrived(0, 1) is Arrival.BEGINNING
+    for index in range(1, 20):
+        assert flow.arrived(index * STEP, 1) is Arrival.NEXT
+    # However short it was.
+    assert flow.arrived(0, 1) is Arrival.BEGINNING
+
+
 def test_a_slow_tracker_is_told_from_a_lossy_network():
     """When a frame takes longer than the camera's interval, that's why frames are missing."""
     flow = FrameFlow()
@@ -75,8 +134,8 @@ def test_a_pause_is_no_loss():
     flow = FrameFlow()
     feed(flow, [*range(10), *range(1000, 1010)])
     assert flow.missing == 0
-    assert flow.arrived(0, 1020 * STEP) is True
-    assert flow.arrived(0, 1021 * STEP) is False
+    assert flow.arrived(0, 1020 * STEP) is Arrival.BEGINNING
+    assert flow.arrived(0, 1021 * STEP) is Arrival.NEXT
     assert flow.missing == 0
 
 
@@ -122,7 +181,7 @@ def test_stamps_of_malformed_images_are_not_believed():
     for stamp in (0, 10**18, 5):
         flow.spoilt(stamp, 1 + 10 * STEP, 'unknown encoding')
         feed(flow, [10 + stamp % 7])
-    assert flow.arrived(30 * STEP, 30 * STEP) is False
+    assert flow.arrived(30 * STEP, 30 * STEP) is Arrival.NEXT
 
 
 def test_malformed_images_alone_are_no_silence():
@@ -146,7 +205,7 @@ def test_an_interruption_is_no_loss():
     # The rate is that of the frames since then.
     assert float(judge(flow, 34 * STEP + 1)[1].split()[0]) > 29
     flow.interrupt()
-    assert flow.arrived(5 * STEP, 40 * STEP) is True
+    assert flow.arrived(-60 * STEP, 40 * STEP) is Arrival.BEGINNING
 
 
 def test_percentiles():
@@ -154,3 +213,33 @@ def test_percentiles():
     values = list(np.random.default_rng(0).exponential(1, 500))
     assert percentiles(values) == (np.percentile(values, 50), np.percentile(values, 99))
     assert all(math.isnan(value) for value in percentiles([]))
+
+
+def estimate(state):
+    """Return an estimate."""
+    return Estimate(Box(10, 20, 30, 40), 0.0, np.eye(4), 0.75, state)
+
+
+@pytest.mark.parametrize('name, state, level', [
+    ('stale', TrackState.TRACKING, DiagnosticStatus.WARN),
+    ('stale', TrackState.LOST, DiagnosticStatus.ERROR),
+    ('paused', TrackState.TRACKING, DiagnosticStatus.OK),
+    ('inactive', TrackState.LOST, DiagnosticStatus.OK)])
+def test_stale_state(name, state, level):
+    """What was measured a while ago isn't well, unless somebody wanted it so."""
+    status = state_status('/tracker', 'gmpf', name, estimate(state), {}, stale=True)
+    assert (status.message, status.level) == (name, level)
+    assert {row.key: row.value for row in status.values}['box'] == 'stale'
+
+
+@pytest.mark.parametrize('state, level', [
+    (TrackState.TRACKING, DiagnosticStatus.OK), (TrackState.SEARCHING, DiagnosticStatus.WARN),
+    (TrackState.LOST, DiagnosticStatus.ERROR)])
+def test_state(state, level):
+    """The level says how bad it is, and the values whether the box was measured."""
+    status = state_status('/tracker', 'gmpf', state.value, estimate(state), {'a': 'b'})
+    values = {row.key: row.value for row in status.values}
+    assert status.level == level and status.message == state.value
+    assert status.name == '/tracker: target' and status.hardware_id == 'gmpf'
+    assert values['box'] == ('measured' if state is TrackState.TRACKING else 'predicted')
+    assert values['confidence'] == '0.750' and values['a'] == 'b'

@@ -47,10 +47,10 @@ class Script:
 def test_cadence_counts_frame_intervals():
     """A gap of two intervals is two steps; jitter and the gap itself move nothing."""
     estimator = FrameIntervalEstimator()
-    assert [estimator.step(100 + jitter) for jitter in (0, 5, -5, 2)] == [1, 1, 1, 1]
-    assert estimator.step(201) == 2
-    assert estimator.step(99) == 1
-    assert estimator.step(510) == 5
+    assert [estimator.steps(100 + jitter) for jitter in (0, 5, -5, 2)] == [1, 1, 1, 1]
+    assert estimator.steps(201) == 2
+    assert estimator.steps(99) == 1
+    assert estimator.steps(510) == 5
 
 
 def test_no_target_no_estimate():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cache
-import math
 from typing import Any
 
 import cv2
@@ -14,6 +13,7 @@ from rosbags.typesys.store import Typestore
 from vtrack_ros.bags.truth import true_box
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.messages import detections as builder, poses
 from vtrack_ros.messages.images import fill_image
 
 IMAGE = 'sensor_msgs/msg/Image'
@@ -54,11 +54,7 @@ def typestore() -> Typestore:
 
 def header(stamp: int, frame_id: str) -> Any:
     """Return a std_msgs/msg/Header of a stamp in nanoseconds."""
-    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
-    return _make(
-        'std_msgs/msg/Header',
-        stamp=_make('builtin_interfaces/msg/Time', sec=seconds, nanosec=nanoseconds),
-        frame_id=frame_id)
+    return poses.header(typestore().types, stamp, frame_id)
 
 
 def image(frame: Frame, stamp: int, frame_id: str) -> Any:
@@ -98,38 +94,8 @@ def compressed_image(frame: Frame, stamp: int, frame_id: str, compression: str) 
 def detections(
         box: Box | None, stamp: int, frame_id: str, angle: float = 0.0,
         score: float = 1.0) -> Any:
-    """
-    Return a vision_msgs/msg/Detection2DArray of one box, or an empty one for None.
-
-    Parameters
-    ----------
-    box : Box or None
-        In pixels of the image.
-    stamp : int, [ns]
-        The image's.
-    frame_id : str
-        The image's.
-    angle : float, [rad]
-        The rotation about the optical axis, which goes into the hypothesis' pose.
-    score : float
-        How sure it is, from 0 to 1.
-
-    """
-    found = []
-    if box is not None:
-        x, y = box.center
-        hypothesis = _make('vision_msgs/msg/ObjectHypothesis', class_id='target', score=score)
-        result = _make(
-            'vision_msgs/msg/ObjectHypothesisWithPose', hypothesis=hypothesis,
-            pose=_make('geometry_msgs/msg/PoseWithCovariance', pose=_pose(x, y, angle),
-                       covariance=np.zeros(36)))
-        center = _make('vision_msgs/msg/Pose2D',
-                       position=_make('vision_msgs/msg/Point2D', x=x, y=y), theta=0.0)
-        bounds = _make('vision_msgs/msg/BoundingBox2D', center=center, size_x=box.width,
-                       size_y=box.height)
-        found.append(_make('vision_msgs/msg/Detection2D', header=header(stamp, frame_id),
-                           results=[result], bbox=bounds, id=''))
-    return _make(DETECTIONS, header=header(stamp, frame_id), detections=found)
+    """Return a vision_msgs/msg/Detection2DArray; the arguments are those of the builder."""
+    return builder.detections(typestore().types, header(stamp, frame_id), box, angle, score)
 
 
 def detected_box(message: Any) -> Box | None:
@@ -143,14 +109,8 @@ def detected_box(message: Any) -> Box | None:
 
 def pose(x: float, y: float, angle: float, stamp: int, frame_id: str) -> Any:
     """Return a geometry_msgs/msg/PoseStamped in the image plane: pixels, and radians about z."""
-    return _make(POSE, header=header(stamp, frame_id), pose=_pose(x, y, angle))
-
-
-def _pose(x: float, y: float, angle: float) -> Any:
-    return _make(
-        'geometry_msgs/msg/Pose', position=_make('geometry_msgs/msg/Point', x=x, y=y, z=0.0),
-        orientation=_make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=math.sin(angle / 2),
-                          w=math.cos(angle / 2)))
+    return _make(POSE, header=header(stamp, frame_id),
+                 pose=poses.pose(typestore().types, (x, y, 0.0), angle))
 
 
 def _make(name: str, **fields: Any) -> Any:

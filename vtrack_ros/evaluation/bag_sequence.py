@@ -93,7 +93,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
         raise SequenceError(f'{path}: {unknown} of {len(stamps)} images have no truth; a target '
                             'that is absent has a row of NaN')
     estimator = FrameIntervalEstimator()
-    intervals = [1.0, *(estimator.step(after - before)
+    intervals = [1.0, *(estimator.steps(after - before)
                         for before, after in zip(stamps, stamps[1:]))]
     return BagSequence(path.resolve().stem, truth_rows(boxes[stamp] for stamp in stamps), path,
                        name, first, np.array(intervals))

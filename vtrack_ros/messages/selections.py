@@ -97,5 +97,5 @@ def best_detection(message: Any, class_id: str, score: float, source: str) -> Se
         stamp = selection.stamp or stamp_nanoseconds(message.header.stamp) or None
         name = class_id or selection.class_id
         found.append((max(scores), Selection(
-            selection.box, source, stamp, True, name, selection.target_id)))
+            selection.box, source, stamp, True, name, selection.target_id, True)))
     return max(found, key=lambda pair: pair[0])[1] if found else None

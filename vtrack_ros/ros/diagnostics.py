@@ -1,169 +1,165 @@
-"""What flows through the node: rates, latency, and frames that never came."""
+"""What the node says of itself: the target's state, and the flow of images."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from vtrack_ros.ros.publishers import Publishers
+from vtrack_ros.ros.qos import Input
+from vtrack_ros.session.frame_flow import FrameFlow
+from vtrack_ros.tracker import Estimate, TrackState
 
 #: Share of missing frames from which on it's worth a warning.
 NOTABLE_LOSS = 0.01
-#: How many latencies and processing times are remembered.
-MEMORY = 300
-#: A step in the stamps of more frames than this is a pause, not a loss.
-LONGEST_GAP = 30
+#: After so many seconds without an image what was measured is no longer true.
+LONGEST_SILENCE = 1.0
+#: What Fast DDS's shared memory holds unless it is given our profile, in bytes.
+SHARED_MEMORY = 512 * 1024
+
+_LEVELS = {
+    TrackState.TRACKING: DiagnosticStatus.OK,
+    TrackState.SEARCHING: DiagnosticStatus.WARN,
+    TrackState.LOST: DiagnosticStatus.ERROR,
+}
 
 
-class Metronome:
+class Diagnostics:
     """
-    Tells from the stamps alone how many frames never came.
-
-    The camera's interval is a short one among the latest: even where most frames are lost, some
-    neighbours come through. (A median would take a stream that lost every other frame for whole.)
+    Watches the flow of images, and reports on ~/state and /diagnostics.
 
     Parameters
     ----------
-    memory : int
-        How many intervals are remembered.
-
-    """
-
-    def __init__(self, memory: int = 100) -> None:
-        self._intervals: deque[int] = deque(maxlen=memory)
-
-    def missing(self, interval: int) -> int:
-        """Return the frames that are missing in an interval of nanoseconds between two stamps."""
-        self._intervals.append(interval)
-        shortest = sorted(self._intervals)[len(self._intervals) // 10]
-        return max(0, round(interval / max(1, shortest)) - 1)
-
-
-class FrameFlow:
-    """
-    Counts frames, and times them.
+    node : rclpy.node.Node
+    publishers : Publishers
+    make_state : callable
+        Returns the target's state.
 
     Attributes
     ----------
-    received, malformed, missing : int
-        Frames that came, that came broken, and that never came, as the gaps between the stamps
-        tell.
-    fault : str
-        What was wrong with the last malformed one.
+    flow : FrameFlow
+        What came, and what didn't.
+    inputs : list of Input
+        What is watched; the images last, while they are taken.
+    images : Input or None
+        Those of the images; None while none are taken.
 
     """
 
-    def __init__(self) -> None:
-        self.received = 0
-        self.malformed = 0
-        self.missing = 0
-        self.fault = ''
-        self.processing: deque[float] = deque(maxlen=MEMORY)
-        self.latency: deque[float] = deque(maxlen=MEMORY)
-        self._stamp: int | None = None
-        self._spoilt: deque[int] = deque(maxlen=LONGEST_GAP)
-        self._interrupted = False
-        self._metronome = Metronome()
-        self._first_arrival = self._last_arrival = self._last_frame = 0
-        self._since = 0
-        self._reported = (0, 0, 0)
+    def __init__(self, node: Node, publishers: Publishers,
+                 make_state: Callable[[], DiagnosticStatus]) -> None:
+        self._node = node
+        self._publishers = publishers
+        self._make_state = make_state
+        self.flow = FrameFlow()
+        self.inputs: list[Input] = []
+        self.images: Input | None = None
+        self._told = False
+        self._reported: tuple[str, bytes] = ('', b'')
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        # Simulated time may stand still, and just then somebody wants to know why.
+        self._timer = node.create_timer(
+            1.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def arrived(self, stamp: int, now: int) -> bool:
-        """
-        Count a frame.
+    def destroy(self) -> None:
+        """Take everything down."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_publisher(self._publisher)
 
-        Parameters
-        ----------
-        stamp : int, [ns]
-            The image's.
-        now : int, [ns]
-            When it arrived, on a clock that never jumps.
+    @property
+    def stale(self) -> bool:
+        """Return whether no good image has come for so long that it's worth a warning."""
+        return self.flow.age(time.perf_counter_ns()) > LONGEST_SILENCE
 
-        Returns
-        -------
-        bool
-            Whether the stamps went backwards: another stream begins.
+    def publish_state(self, make: Callable[[], DiagnosticStatus] | None = None) -> None:
+        """Publish the target's state; on /diagnostics too if it's another than before."""
+        make = make or self._make_state
+        self._publishers.publish_state(make)
+        self._told = True
+        if self._publisher.get_subscription_count():
+            state = self._make_state()
+            if (state.message, state.level) != self._reported:
+                self._publish(state)
 
-        """
-        self.received += 1
-        self._since += 1
-        self._first_arrival = self._first_arrival or now
-        self._last_arrival = self._last_frame = now
-        previous, self._stamp = self._stamp, stamp
-        interrupted, self._interrupted = self._interrupted, False
-        spoilt = list(self._spoilt)
-        self._spoilt.clear()
-        if previous is None:
-            return False
-        if stamp < previous:
-            self._metronome = Metronome()
-            return True
-        if stamp > previous and not interrupted:
-            gap = self._metronome.missing(stamp - previous)
-            if gap < LONGEST_GAP:
-                self.missing += max(0, gap - sum(previous < one < stamp for one in spoilt))
-        return False
+    def _on_timer(self) -> None:
+        for one in (*self.inputs, *filter(None, [self.images])):
+            one.check()
+        if self.images is not None:
+            self.images.warn_of_several()
+        # Who comes while nothing happens, or while it's paused, hears of it as well.
+        if not self._told:
+            self._publishers.publish_state(self._make_state)
+        self._told = False
+        if not self._publisher.get_subscription_count():
+            return
+        state, rows = self._make_state(), []
+        if self.images is not None:
+            faults = [fault for one in (self.images, *self.inputs) for fault in one.faults]
+            faults += self._publishers.mismatches.faults
+            level, text, values = report(self.flow, time.perf_counter_ns(), faults,
+                                         self.images.publishers, self.images.topic)
+            values['reliability'] = self.images.reliability
+            values['lost by the middleware'] = str(self.images.lost)
+            values['QoS mismatches'] = '; '.join(faults) or 'none'
+            name = self._node.get_fully_qualified_name()
+            rows.append(_status(f'{name}: images', bytes([level]), text, values))
+        self._publish(*rows, state)
 
-    def spoilt(self, stamp: int, now: int, fault: str) -> None:
-        """
-        Count a malformed frame, which came and so isn't missing.
-
-        Parameters
-        ----------
-        stamp : int, [ns]
-            The image's; it's believed only if the next good frame's fits.
-        now : int, [ns]
-            As for `arrived`.
-        fault : str
-            What is wrong with it.
-
-        """
-        self.malformed += 1
-        self.fault = fault
-        self._last_arrival = now
-        self._spoilt.append(stamp)
-
-    def interrupt(self) -> None:
-        """Note that nobody takes frames for a while: what is sent meanwhile isn't missing."""
-        self._interrupted = True
-        self._first_arrival = self._since = 0
-
-    def rate(self, now: int) -> float:
-        """Return the frames per second since the last call; `now` in ns as for `arrived`."""
-        elapsed = now - self._first_arrival
-        rate = self._since * 1e9 / elapsed if self._first_arrival and elapsed > 0 else 0.0
-        self._first_arrival, self._since = now, 0
-        return rate
-
-    def recent(self) -> tuple[int, int, int]:
-        """Return how many frames were received, malformed and missing since the last call."""
-        totals = (self.received, self.malformed, self.missing)
-        before, self._reported = self._reported, totals
-        return (totals[0] - before[0], totals[1] - before[1], totals[2] - before[2])
-
-    def silence(self, now: int) -> float:
-        """Return the seconds since anything came; infinite before the first frame."""
-        return (now - self._last_arrival) / 1e9 if self._last_arrival else float('inf')
-
-    def age(self, now: int) -> float:
-        """Return the seconds since the last frame that wasn't malformed; infinite before it."""
-        return (now - self._last_frame) / 1e9 if self._last_frame else float('inf')
+    def _publish(self, *rows: DiagnosticStatus) -> None:
+        """Publish rows, that of the target last, with the node's time."""
+        self._reported = (rows[-1].message, rows[-1].level)
+        message = DiagnosticArray(status=list(rows))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
 
 
-def percentiles(values: Sequence[float]) -> tuple[float, float]:
-    """Return the median and the 99th percentile; NaN for no values."""
-    if not values:
-        return float('nan'), float('nan')
-    p50, p99 = np.percentile(np.asarray(values), (50, 99))
-    return float(p50), float(p99)
+def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | None,
+                 values: Mapping[str, str], stale: bool = False) -> DiagnosticStatus:
+    """
+    Return the target's state.
+
+    Parameters
+    ----------
+    name : str
+        The node's full name.
+    tracker : str
+        The tracker's name.
+    state_name : str
+        The state: that of the estimate, or why there is none.
+    estimate : Estimate or None
+        What the tracker knows.
+    values : mapping of str to str
+        More to tell.
+    stale : bool
+        Whether the estimate is no longer of what the camera sees now.
+
+    """
+    rows = {'tracker': tracker, **values}
+    level = DiagnosticStatus.OK
+    if estimate is not None:
+        if state_name == 'stale':
+            level = max(_LEVELS[estimate.state], DiagnosticStatus.WARN)
+        elif state_name == estimate.state.value:
+            # Who paused it has no need of a warning.
+            level = _LEVELS[estimate.state]
+        box = estimate.box
+        rows['box'] = ('stale' if stale else
+                       'measured' if estimate.measured else 'predicted')
+        rows['confidence'] = f'{estimate.confidence:.3f}'
+        rows['x'], rows['y'] = f'{box.x:.2f} px', f'{box.y:.2f} px'
+        rows['width'], rows['height'] = f'{box.width:.2f} px', f'{box.height:.2f} px'
+    return _status(f'{name}: target', level, state_name, rows, tracker)
 
 
 def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
            topic: str) -> tuple[int, str, dict[str, str]]:
     """
-    Judge the flow of the last period.
+    Judge the flow since the last report.
 
     Parameters
     ----------
@@ -193,6 +189,7 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
         'frame rate': f'{rate:.1f} Hz',
         'frames received': str(flow.received),
         'frames missing': str(flow.missing),
+        'frames late': str(flow.late),
         'frames malformed': str(flow.malformed),
         'processing p50': f'{processing[0]:.2f} ms', 'processing p99': f'{processing[1]:.2f} ms',
         'latency p50': f'{latency[0]:.2f} ms', 'latency p99': f'{latency[1]:.2f} ms',
@@ -211,25 +208,29 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
     share = missing / (received + missing)
     if share > NOTABLE_LOSS:
         interval = 1e3 / rate * (1 - share) if rate else 0.0
-        slow = processing[0] > interval
-        reason = (f'a frame takes {processing[0]:.1f} ms: choose a faster tracker or fewer '
-                  'particles' if slow else
-                  'lost before they came here: use the Fast DDS profile config/fastdds.xml on '
-                  'both sides')
+        if processing[0] > interval:
+            reason = (f'a frame takes {processing[0]:.1f} ms: choose a faster tracker or fewer '
+                      'particles')
+        elif flow.largest > SHARED_MEMORY // 2:
+            reason = ('lost before they came here: use the Fast DDS profile config/fastdds.xml '
+                      'on both sides')
+        else:
+            reason = 'never sent, or lost before they came here'
         text = f'{missing} of the last {received + missing} frames are missing, {reason}'
         return 1, text, values
     return 0, f'{rate:.1f} Hz', values
 
 
-def array(stamp: Any, rows: Sequence[DiagnosticStatus]) -> DiagnosticArray:
-    """Return a message for /diagnostics; the stamp is the node's time."""
-    message = DiagnosticArray(status=list(rows))
-    message.header.stamp = stamp
-    return message
+def percentiles(values: Sequence[float]) -> tuple[float, float]:
+    """Return the median and the 99th percentile; NaN for no values."""
+    if not values:
+        return float('nan'), float('nan')
+    p50, p99 = np.percentile(np.asarray(values), (50, 99))
+    return float(p50), float(p99)
 
 
-def status(name: str, level: int, message: str, values: dict[str, str]) -> DiagnosticStatus:
-    """Return one row of /diagnostics."""
+def _status(name: str, level: bytes, message: str, values: Mapping[str, str],
+            hardware_id: str = '') -> DiagnosticStatus:
     return DiagnosticStatus(
-        level=bytes([level]), name=name, message=message,
+        level=level, name=name, message=message, hardware_id=hardware_id,
         values=[KeyValue(key=key, value=value) for key, value in values.items()])

@@ -7,12 +7,11 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.node import Node
 
-from vtrack_ros.ros.parameters import ParameterServer, TellingNode
+from vtrack_ros.ros.parameter_node import ParameterNode
 from vtrack_ros.ros.pipeline import Pipeline
-from vtrack_ros.ros.quiet_log import Log
 
 
-class TrackerLifecycleNode(TellingNode, LifecycleNode):
+class TrackerLifecycleNode(ParameterNode, LifecycleNode):
     """
     The tracking node under a lifecycle manager.
 
@@ -33,15 +32,14 @@ class TrackerLifecycleNode(TellingNode, LifecycleNode):
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__('tracker', **arguments)
-        self._server = ParameterServer(self)
         self._pipeline: Pipeline | None = None
-        self._log: Log = Node.get_logger(self)
+        self._log = Node.get_logger(self)
         self._change = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Set up topics and services."""
-        self._pipeline = Pipeline(self, self._server)
+        self._pipeline = Pipeline(self)
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:

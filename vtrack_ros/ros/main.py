@@ -89,8 +89,6 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     import rclpy.utilities
 
-    from vtrack_ros.ros.quiet_log import QuietLog
-
     words = list(sys.argv if arguments is None else arguments)
     cv2.setNumThreads(1)
     try:
@@ -118,7 +116,6 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
         # A signal that comes just when the executor goes to sleep may fail to wake it: the
         # shutdown is then seen at the next beat, instead of never.
         node.create_timer(1.0, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        log = QuietLog(node.get_logger())
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while rclpy.ok():
@@ -130,7 +127,8 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
                 # A request that rclpy itself can't read ends in an exception here; a robot's
                 # node must outlive it. After a shutdown it's only the way out.
                 if rclpy.ok():
-                    log.error(f'{type(error).__name__}: {error}')
+                    node.get_logger().error(f'{type(error).__name__}: {error}',
+                                            throttle_duration_sec=2.0)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:

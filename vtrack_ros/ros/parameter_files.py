@@ -11,7 +11,7 @@ from pathlib import Path
 import textwrap
 
 from vtrack_ros.parameters import Parameter, Value
-from vtrack_ros.ros.parameters import INIT_BOX, INIT_BOX_DESCRIPTION, NODE_PARAMETERS
+from vtrack_ros.ros.parameter_node import INIT_BOX, INIT_BOX_DESCRIPTION, NODE_PARAMETERS
 from vtrack_ros.trackers import tracker_class, tracker_names
 
 _HEAD = """\

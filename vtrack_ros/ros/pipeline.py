@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection
 import time
 from typing import Any
 
@@ -10,117 +10,169 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from vtrack_ros.frame import Frame
 from vtrack_ros.geometry.camera import Camera, locate, Position
 from vtrack_ros.messages.camera_info import camera_from_info
 from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
-from vtrack_ros.ros import messages
-from vtrack_ros.ros.controls import Controls
-from vtrack_ros.ros.health import Health
-from vtrack_ros.ros.outputs import optional, Outputs
-from vtrack_ros.ros.parameters import ParameterServer, Settings
-from vtrack_ros.ros.qos import ImageInput
-from vtrack_ros.ros.quiet_log import QuietLog
-from vtrack_ros.ros.target import Target
-from vtrack_ros.ros.view import DebugView
-from vtrack_ros.trackers import Estimate, Frame
+from vtrack_ros.ros.diagnostics import Diagnostics, state_status
+from vtrack_ros.ros.message_types import installed, MessageTypes
+from vtrack_ros.ros.parameter_node import INIT_BOX, ParameterNode
+from vtrack_ros.ros.publishers import Publishers
+from vtrack_ros.ros.qos import image_topic, Input
+from vtrack_ros.ros.services import Services
+from vtrack_ros.session.frame_flow import Arrival
+from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.target import Target
+from vtrack_ros.tracker import Estimate
+
+#: The log says what may come with every frame no more often than this, in seconds.
+QUIET = 2.0
+
+
+class NodeLog:
+    """What becomes of the target, in the node's log."""
+
+    def __init__(self, node: ParameterNode) -> None:
+        self._logger = Node.get_logger(node)
+
+    def info(self, text: str) -> None:
+        """Tell."""
+        self._logger.info(text)
+
+    def warning(self, text: str) -> None:
+        """Warn."""
+        self._logger.warning(text)
+
+    def error(self, text: str) -> None:
+        """Say that something was wrong."""
+        self._logger.error(text)
+
+    def repeated_error(self, text: str) -> None:
+        """Say that something was wrong, but not with every frame."""
+        self._logger.error(text, throttle_duration_sec=QUIET)
 
 
 class Pipeline:
     """
-    Follows the target through the images that a node receives, and publishes where it is.
+    Tracks the target through the images that a node receives, and publishes where it is.
 
     Parameters
     ----------
-    node : rclpy.node.Node
-    server : ParameterServer
+    node : ParameterNode
 
     """
 
-    def __init__(self, node: Node, server: ParameterServer) -> None:
+    def __init__(self, node: ParameterNode) -> None:
         self._node = node
-        self._server = server
-        self._log = node.get_logger()
-        self._quiet = QuietLog(self._log)
+        self._session = node.session
+        self._log = Node.get_logger(node)
         self._camera: Camera | None = None
-        self._view = DebugView()
-        self._word = 'inactive'
+        self._state_name = 'inactive'
         self._units = ''
-        vision = optional(
+        types, log = MessageTypes(), NodeLog(node)
+        with_vision = installed(
             'vision_msgs', 'there are no boxes, and targets come by ~/init_roi or init_box', node)
-        self._target = Target(server.settings, self._log)
-        self._outputs = Outputs(node, vision)
-        self._controls = Controls(node, vision, self._target, self._changed)
-        self._controls.listen_to_detector(bool(server.settings.node['init_from_detections']))
-        self._health = Health(node, self._outputs, self._state)
-        self._compressed = server.settings.text('image_transport') == 'compressed'
+        settings = node.settings
+        self._history = FrameHistory(
+            settings.number('history_seconds'), settings.number('history_megabytes'))
+        self._session.warm_up()
+        self._target = Target(self._session, self._history, log)
+        self._target.set_init_box(node.init_box, f'parameter {INIT_BOX}')
+        self._publishers = Publishers(node, types, with_vision)
+        self._services = Services(node, types, with_vision, self._target, log, self._changed)
+        self._services.listen_to_detector(bool(settings['init_from_detections']))
+        self._diagnostics = Diagnostics(node, self._publishers, self._state)
+        self._compressed = settings.text('image_transport') == 'compressed'
         self._convert: Callable[[Any], Frame] = (
             compressed_to_frame if self._compressed else to_frame)
-        self._camera_input = node.create_subscription(
-            CameraInfo, 'camera_info', self._on_camera_info, 1)
-        server.listener = self._on_parameters
+        self._camera_info = Input(node, CameraInfo, 'camera_info', self._on_camera_info)
+        self._watch_inputs()
+        node.on_change = self._on_parameters
 
     def activate(self) -> None:
         """Begin to take images."""
-        self._health.input = ImageInput(
+        settings = self._node.settings
+        self._diagnostics.images = Input(
             self._node, CompressedImage if self._compressed else Image,
-            'image/compressed' if self._compressed else 'image',
-            self._server.settings.text('reliability'), self.on_image)
-        self._log.info(f'images are taken from {self._health.input.topic}; '
-                       + self._controls.invitation(self._server.settings.init_box is not None))
+            image_topic(self._node, settings.text('image_transport')), self._on_image,
+            settings.text('reliability'))
+        self._log.info(f'images are taken from {self._diagnostics.images.topic}; '
+                       + self._services.invitation())
         self._changed()
 
     def deactivate(self) -> None:
         """Take no more images; the target is kept."""
-        if self._health.input is not None:
-            self._health.input.destroy()
-            self._health.input = None
-            self._health.flow.interrupt()
+        if self._diagnostics.images is not None:
+            self._diagnostics.images.destroy()
+            self._diagnostics.images = None
+            self._diagnostics.flow.interrupt()
         self._changed()
 
     def destroy(self) -> None:
-        """Take down all that was set up."""
+        """Take down all that was set up, and forget the target."""
         self.deactivate()
-        self._server.listener = None
-        self._node.destroy_subscription(self._camera_input)
-        self._health.destroy()
-        self._controls.destroy()
-        self._outputs.destroy()
+        self._node.on_change = None
+        self._session.forget()
+        self._camera_info.destroy()
+        self._diagnostics.destroy()
+        self._services.destroy()
+        self._publishers.destroy()
 
-    def on_image(self, message: Any, info: Any) -> None:
+    def _on_image(self, message: Any, info: Any) -> None:
         """Take the next image; one that can't be read is counted, and nothing else happens."""
         began = time.perf_counter_ns()
-        flow, header = self._health.flow, message.header
+        flow, header = self._diagnostics.flow, message.header
         stamp = stamp_nanoseconds(header.stamp)
-        if self._controls.paused:
+        if self._services.paused:
             self._arrived(stamp, began)
             return
         try:
             frame = self._convert(message)
         except ValueError as error:
             flow.spoilt(stamp, began, str(error))
-            self._quiet.error(f'image dropped: {error}')
+            self._log.error(f'image dropped: {error}', throttle_duration_sec=QUIET)
+            self._diagnostics.publish_state()
             return
-        self._arrived(stamp, began)
+        flow.largest = max(flow.largest, len(message.data))
+        if not self._arrived(stamp, began):
+            return
+        self._history.append(stamp, frame)
         started = time.perf_counter_ns()
         estimate = self._target.update(frame, stamp)
         compute = (time.perf_counter_ns() - started) / 1e6
         if estimate is not None and estimate.measured:
             self._publish_place(header, frame, estimate)
-        self._outputs.publish_boxes(header, estimate, self._target.identity)
+        identity = self._target.identity
+        self._publishers.publish_boxes(header, estimate, identity)
         flow.processing.append((time.perf_counter_ns() - began) / 1e6)
         sent = int(info['source_timestamp'])
         latency = (time.time_ns() - sent) / 1e6 if sent else float('nan')
         if sent:
             flow.latency.append(latency)
-        self._note_change()
-        self._health.publish_state(lambda: self._state({
+        self._note_state()
+        self._diagnostics.publish_state(lambda: self._state({
             'stamp': f'{header.stamp.sec}.{header.stamp.nanosec:09d}',
             'ms_per_frame': f'{compute:.3f}', 'image_sent': str(sent),
             'latency_ms': f'{latency:.3f}'}))
-        self._outputs.publish_particles(header, estimate)
-        self._view.note(estimate, self._target.identity)
-        self._outputs.publish_debug(
-            header, lambda: self._view.draw(frame, estimate, self._word))
+        self._publishers.publish_particles(header, estimate)
+        self._publishers.publish_debug_image(header, frame, estimate, identity, self._state_name)
+
+    def _arrived(self, stamp: int, now: int) -> bool:
+        """Count a frame; return whether it's to be used."""
+        arrival = self._diagnostics.flow.arrived(stamp, now)
+        if arrival is Arrival.NEXT:
+            return True
+        if arrival is Arrival.LATE:
+            self._log.warning('image dropped: its stamp is before that of the one before it',
+                              throttle_duration_sec=QUIET)
+            return False
+        again = arrival is Arrival.BEGINNING
+        self._log.warning('the stamps went backwards: ' + (
+            'another stream begins' if again else
+            'their clock was set back, and the target is forgotten'))
+        self._history.clear()
+        self._target.begin_stream(from_init_box=again)
+        return True
 
     def _publish_place(self, header: Any, frame: Frame, estimate: Estimate) -> None:
         position = self._position(frame, estimate)
@@ -128,18 +180,18 @@ class Pipeline:
             self._units = ''
             return
         self._units = position.units
-        self._outputs.publish_pose(header, position, estimate.angle)
-        child = self._server.settings.text('target_frame')
+        self._publishers.publish_pose(header, position, estimate.angle)
+        child = self._node.settings.text('target_frame')
         if child and position.units == 'metres':
-            self._outputs.publish_transform(header, position, estimate.angle, child)
+            self._publishers.publish_transform(header, position, estimate.angle, child)
 
     def _position(self, frame: Frame, estimate: Estimate) -> Position | None:
-        settings, camera = self._server.settings, self._camera
+        settings, camera = self._node.settings, self._camera
         height, width = frame.shape[:2]
         if camera is not None and (camera.width, camera.height) != (width, height):
-            self._quiet.warning(
+            self._log.warning(
                 f'camera_info is for {camera.width} x {camera.height}, but the image is '
-                f'{width} x {height}: it is not used')
+                f'{width} x {height}: it is not used', throttle_duration_sec=QUIET)
             camera = None
         units = settings.text('pose_units')
         position = locate(estimate.box, estimate.covariance, camera, units,
@@ -148,56 +200,66 @@ class Pipeline:
             needed = 'camera_info of the image, a box within the reach of its lens model'
             if units == 'metres':
                 needed += ', and target_width or target_height'
-            self._quiet.warning(f'no pose: pose_units {units} needs {needed}')
+            self._log.warning(f'no pose: pose_units {units} needs {needed}',
+                              throttle_duration_sec=QUIET)
         return position
-
-    def _arrived(self, stamp: int, now: int) -> None:
-        if self._health.flow.arrived(stamp, now):
-            self._log.warning('the stamps went backwards: another stream begins')
-            self._target.begin_stream()
 
     def _changed(self) -> None:
         """Say what the state is now: something was done to it between two frames."""
-        self._note_change()
-        self._health.publish_state(self._state)
+        self._watch_inputs()
+        self._note_state()
+        self._diagnostics.publish_state()
 
-    def _note_change(self) -> None:
+    def _note_state(self) -> None:
         """Say in the log that the state changed, if it did."""
-        word = self._target.word
-        if self._health.input is None:
-            word = 'inactive'
-        elif self._controls.paused:
-            word = 'paused'
-        if word == self._word:
+        name = self._target.state_name
+        if self._diagnostics.images is None:
+            name = 'inactive'
+        elif self._services.paused:
+            name = 'paused'
+        if name == self._state_name:
             return
-        before, self._word = self._word, word
-        text = f'{self._target.tracker}: {word}, after {before}'
-        if word in ('searching', 'lost'):
+        before, self._state_name = self._state_name, name
+        text = f'{self._session.tracker}: {name}, after {before}'
+        if name in ('searching', 'lost'):
             self._log.warning(text)
         else:
             self._log.info(text)
 
     def _state(self, values: dict[str, str] | None = None) -> DiagnosticStatus:
-        flow = self._health.flow
-        return messages.state_status(
-            self._node.get_fully_qualified_name(), self._target.tracker, self._word,
-            self._target.estimate, {
+        flow, estimate = self._diagnostics.flow, self._target.estimate
+        name, silent = self._state_name, self._diagnostics.stale
+        if silent and estimate is not None and name == estimate.state.value:
+            name = 'stale'
+        return state_status(
+            self._node.get_fully_qualified_name(), self._session.tracker, name, estimate, {
                 **(values or {}), 'pose_units': self._units,
                 'frames_received': str(flow.received), 'frames_missing': str(flow.missing),
-                'frames_malformed': str(flow.malformed)},
-            stale=self._word in ('paused', 'inactive') or self._health.stale)
+                'frames_late': str(flow.late), 'frames_malformed': str(flow.malformed)},
+            stale=silent or name in ('paused', 'inactive'))
 
     def _on_camera_info(self, message: CameraInfo) -> None:
         try:
             self._camera = camera_from_info(message)
         except ValueError as error:
             self._camera = None
-            pixels = self._server.settings.text('pose_units') in ('auto', 'pixels')
-            self._quiet.warning(
-                f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}")
+            pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
+            self._log.warning(
+                f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}",
+                throttle_duration_sec=QUIET)
 
-    def _on_parameters(self, changes: Settings, names: Sequence[str]) -> None:
-        settings = self._server.settings
-        self._target.change(settings, changes, names)
-        self._controls.listen_to_detector(bool(settings.node['init_from_detections']))
+    def _on_parameters(self, names: Collection[str]) -> None:
+        settings = self._node.settings
+        self._history.seconds = settings.number('history_seconds')
+        self._history.megabytes = settings.number('history_megabytes')
+        if INIT_BOX in names:
+            self._target.set_init_box(self._node.init_box, f'parameter {INIT_BOX}')
+        if 'tracker' in names and self._target.estimate is None and self._state_name in (
+                'tracking', 'searching', 'lost'):
+            self._log.warning(
+                f'{self._session.tracker} cannot start on the target: it is forgotten')
+        self._services.listen_to_detector(bool(settings['init_from_detections']))
         self._changed()
+
+    def _watch_inputs(self) -> None:
+        self._diagnostics.inputs = [self._camera_info, *self._services.inputs]

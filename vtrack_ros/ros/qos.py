@@ -21,18 +21,12 @@ _RELIABILITY = {
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 
-def image_qos(reliability: ReliabilityPolicy) -> QoSProfile:
-    """Return the profile for images: the newest frame alone, so that none waits behind another."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=reliability,
-                      durability=DurabilityPolicy.VOLATILE)
-
-
-class ImageInput:
+class Input:
     """
-    A subscription to images that takes the reliability that the publisher offers.
+    A subscription that takes the reliability that the publisher offers, and the newest alone.
 
     It begins reliable, and turns to best effort as soon as a publisher shows up that offers no
-    more: a publisher that waits for its match before it sends loses no frame by that.
+    more: a publisher that waits for its match before it sends loses nothing by that.
 
     Parameters
     ----------
@@ -40,14 +34,14 @@ class ImageInput:
     kind : type
         The message type.
     topic : str
-    reliability : {'auto', 'reliable', 'best_effort'}
     callback : callable
-        Called with a message and its info, a dict of time stamps.
+        Called with a message, or with it and its info, a dict of time stamps.
+    reliability : {'auto', 'reliable', 'best_effort'}
 
     """
 
-    def __init__(self, node: Node, kind: Any, topic: str, reliability: str,
-                 callback: Callable[[Any, Any], None]) -> None:
+    def __init__(self, node: Node, kind: Any, topic: str, callback: Callable[..., None],
+                 reliability: str = 'auto') -> None:
         self._node = node
         self._kind = kind
         self._topic = topic
@@ -56,6 +50,7 @@ class ImageInput:
         self._policy = _RELIABILITY[reliability]
         self._subscription = self._subscribe()
         self._faults: dict[bytes, str] = {}
+        self._several = False
         self._type = f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'
         self.lost = 0
 
@@ -71,8 +66,8 @@ class ImageInput:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Return why no image comes from which publisher; empty while all match."""
-        return tuple(self._faults.values())
+        """Return why nothing comes from which publisher; empty while all match."""
+        return tuple(dict.fromkeys(self._faults.values()))
 
     @property
     def publishers(self) -> int:
@@ -82,20 +77,26 @@ class ImageInput:
     def check(self) -> None:
         """Look at the publishers: adapt to them, and log what can't be matched."""
         offers = self._node.get_publishers_info_by_topic(self.topic)
-        images = [offer for offer in offers if offer.topic_type == self._type]
-        if self._choice == 'auto' and images:
-            weakest = ReliabilityPolicy.RELIABLE
-            if any(offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-                   for offer in images):
-                weakest = ReliabilityPolicy.BEST_EFFORT
-            if weakest != self._policy:
-                self._change(weakest)
+        fitting = [offer for offer in offers if offer.topic_type == self._type]
+        if self._choice == 'auto' and fitting:
+            weak = any(offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                       for offer in fitting)
+            self._change(_RELIABILITY['best_effort' if weak else 'reliable'])
         faults = {bytes(offer.endpoint_gid): fault
                   for offer in offers if (fault := self._fault(offer))}
         for publisher, fault in faults.items():
-            if publisher not in self._faults:
+            if publisher not in self._faults and fault not in self.faults:
                 self._node.get_logger().error(fault)
         self._faults = faults
+
+    def warn_of_several(self) -> None:
+        """Say once that more than one publisher sends what is taken for one stream."""
+        several = self.publishers > 1
+        if several and not self._several:
+            self._node.get_logger().warning(
+                f'{self.topic} has {self.publishers} publishers: their images are taken as one '
+                'stream; remap all but one')
+        self._several = several
 
     def destroy(self) -> None:
         """Unsubscribe."""
@@ -105,33 +106,47 @@ class ImageInput:
         known = offer.node_name != _UNKNOWN_NODE
         whose = f'{self.topic}: a publisher' + (f' of node {offer.node_name!r}' if known else '')
         if offer.topic_type != self._type:
-            return (f'{whose} sends {offer.topic_type}, not {self._type}: no image will come '
+            return (f'{whose} sends {offer.topic_type}, not {self._type}: nothing will come '
                     'from it; remap the topic, or set image_transport')
         weak = offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
         if weak and self._policy == ReliabilityPolicy.RELIABLE:
             return (f'{whose} offers best_effort, but reliability is {self._choice!r} (QoS '
-                    'mismatch): no image will come from it; set reliability to auto or '
+                    'mismatch): nothing will come from it; set reliability to auto or '
                     'best_effort')
         return ''
 
     def _change(self, policy: ReliabilityPolicy) -> None:
+        if policy == self._policy:
+            return
         self._policy = policy
         previous, self._subscription = self._subscription, self._subscribe()
         self._node.destroy_subscription(previous)
-        self._node.get_logger().info(f'{self.topic}: taking images as {self.reliability}')
+        self._node.get_logger().info(f'{self.topic}: subscribed {self.reliability}')
 
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(
-            incompatible_qos=self._on_mismatch, message_lost=self._on_lost)
+            incompatible_qos=lambda _: self.check(), message_lost=self._on_lost)
+        qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=self._policy,
+                         durability=DurabilityPolicy.VOLATILE)
         return self._node.create_subscription(
-            self._kind, self._topic, cast(Any, self._callback), image_qos(self._policy),
-            event_callbacks=events)
-
-    def _on_mismatch(self, _: Any) -> None:
-        self.check()
+            self._kind, self._topic, cast(Any, self._callback), qos, event_callbacks=events)
 
     def _on_lost(self, event: Any) -> None:
         self.lost += int(event.total_count_change)
+
+
+def image_topic(node: Node, transport: str) -> str:
+    """
+    Return the topic of the images: `image`, or what image_transport puts beside it.
+
+    A remap of ``image/compressed`` itself counts before one of ``image``.
+    """
+    if transport == 'raw':
+        return 'image'
+    plain = f'{node.get_namespace().rstrip("/")}/image/{transport}'
+    if node.resolve_topic_name(f'image/{transport}') != plain:
+        return f'image/{transport}'
+    return f'{node.resolve_topic_name("image")}/{transport}'
 
 
 class OutputFaults:

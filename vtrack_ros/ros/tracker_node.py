@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from vtrack_ros.ros.parameters import ParameterServer, TellingNode
+from vtrack_ros.ros.parameter_node import ParameterNode
 from vtrack_ros.ros.pipeline import Pipeline
 
 
-class TrackerNode(TellingNode):
+class TrackerNode(ParameterNode):
     """
-    Follows a target in the images that it receives; docs/node.md describes its face.
+    Tracks a target in the images that it receives; docs/node.md describes its face.
 
     Parameters
     ----------
@@ -26,5 +26,5 @@ class TrackerNode(TellingNode):
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__('tracker', **arguments)
-        self._pipeline = Pipeline(self, ParameterServer(self))
+        self._pipeline = Pipeline(self)
         self._pipeline.activate()

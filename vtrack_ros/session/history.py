@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from statistics import median
 
 from vtrack_ros.frame import Frame
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
 #: How far a stamp may be from the frame that it means, in intervals of the frames.
 TOLERANCE = 1.5
@@ -31,7 +31,7 @@ class FrameHistory:
         self.megabytes = megabytes
         self._frames: deque[tuple[int, Frame]] = deque()
         self._bytes = 0
-        self._intervals: deque[int] = deque(maxlen=15)
+        self._interval = FrameIntervalEstimator()
         self._limit = ''
 
     def __len__(self) -> int:
@@ -56,7 +56,7 @@ class FrameHistory:
     @property
     def tolerance(self) -> float:
         """Return how far a stamp may be from a frame that it means, in nanoseconds."""
-        return TOLERANCE * (median(self._intervals) if self._intervals else USUAL_INTERVAL)
+        return TOLERANCE * (self._interval.interval or USUAL_INTERVAL)
 
     def instead(self, stamp: int) -> str:
         """Say which frames are kept, and what to do for one of `stamp`, which isn't."""
@@ -72,7 +72,7 @@ class FrameHistory:
             if stamp < newest or frame.shape != last.shape:
                 self.clear()
             elif stamp > newest:
-                self._intervals.append(stamp - newest)
+                self._interval.add(stamp - newest)
         self._frames.append((stamp, frame))
         self._bytes += frame.nbytes
         while len(self._frames) > 1:
@@ -87,7 +87,7 @@ class FrameHistory:
     def clear(self) -> None:
         """Forget all frames."""
         self._frames.clear()
-        self._intervals.clear()
+        self._interval = FrameIntervalEstimator()
         self._bytes = 0
         self._limit = ''
 

@@ -30,6 +30,8 @@ class Selection:
         Whether only the part inside the image is meant.
     class_id, target_id : str
         What the target is called, where that's known.
+    automatic : bool
+        Whether a detector made it, which may do so with every frame.
 
     """
 
@@ -39,6 +41,7 @@ class Selection:
     clamp: bool = False
     class_id: str = ''
     target_id: str = ''
+    automatic: bool = False
 
     def box_on(self, frame: Frame) -> Box:
         """

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
@@ -62,11 +65,10 @@ class TrackingSession:
 
     def __init__(self, tracker: str = 'gmpf', seed: int = 0,
                  parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
-        self._parameters: dict[str, dict[str, Value]] = {}
         self._seed = seed
         self._name = tracker
-        for owner, values in (parameters or {}).items():
-            self._parameters[owner] = tracker_class(owner).PARAMETERS.checked(values, owner)
+        self._parameters = {owner: _checked(owner, values)
+                            for owner, values in (parameters or {}).items()}
         self._tracker = self._create(tracker)
         self._estimate: Estimate | None = None
         self._frame: Frame | None = None
@@ -103,13 +105,7 @@ class TrackingSession:
             May reach beyond the image.
 
         """
-        tracker = self._create(self._name)
-        estimate = tracker.start(frame, box)
-        self._tracker, self._estimate, self._frame = tracker, estimate, frame
-        self._stamp = stamp
-        self._last_measurement = LastMeasurement(frame, stamp, box)
-        self._interval = FrameIntervalEstimator()
-        return estimate
+        return self._start(self._create(self._name), frame, stamp, box)
 
     def update(self, frame: Frame, stamp: int) -> Estimate | None:
         """
@@ -129,7 +125,7 @@ class TrackingSession:
             self.forget()
             return None
         interval = stamp - self._stamp
-        dt = min(self._interval.step(interval), LONGEST_STEP) if interval else 1.0
+        dt = min(self._interval.steps(interval), LONGEST_STEP) if interval else 1.0
         self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
         if self._estimate.measured:
@@ -141,27 +137,19 @@ class TrackingSession:
         self._estimate = self._frame = self._last_measurement = None
 
     def restart(self) -> Estimate | None:
-        """
-        Learn the target afresh where it was last measured, and go on from the latest frame.
+        """Learn the target afresh where it was last measured, and go on; None without a target."""
+        return None if self._frame is None else self._take_over(self._create(self._name))
 
-        Returns
-        -------
-        Estimate or None
-            None where there is no target.
-
+    def warm_up(self) -> None:
         """
-        seen, interval = self._last_measurement, self._interval
-        frame, stamp = self._frame, self._stamp
-        if seen is None or frame is None:
-            return None
-        try:
-            self.start(seen.frame, seen.stamp, seen.box)
-        except ValueError:
-            # A tracker may measure a box beyond the border, where no other one can begin.
-            self.forget()
-            return None
-        self._interval = interval
-        return self._estimate if frame is seen.frame else self.update(frame, stamp)
+        Load what a tracker loads with its first frames; before the first start.
+
+        Otherwise that would take the time of several frames just when the target is selected.
+        """
+        ground = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)
+        self._tracker.start(ground, Box(60, 40, 40, 40))
+        for _ in range(3):
+            self._tracker.update(ground)
 
     def change(self, tracker: str | None = None, seed: int | None = None,
                parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
@@ -178,21 +166,63 @@ class TrackingSession:
 
         """
         name = self._name if tracker is None else tracker
-        merged = {owner: dict(values) for owner, values in self._parameters.items()}
-        checked = {owner: tracker_class(owner).PARAMETERS.checked(values, owner)
-                   for owner, values in (parameters or {}).items()}
-        for owner, values in checked.items():
-            merged.setdefault(owner, {}).update(values)
-            # A tracker checks what its parameters must be to each other when it's made.
-            create_tracker(owner, seed=0, **merged[owner])
         seed = self._seed if seed is None else seed
-        replacement = create_tracker(name, seed=seed, **merged.get(name, {}))
-        self._parameters, self._seed = merged, seed
-        if name != self._name:
-            self._name, self._tracker = name, replacement
-            self.restart()
-        elif name in checked:
-            self._tracker.configure(**checked[name])
+        given = {owner: dict(values) for owner, values in (parameters or {}).items()}
+        # The one in use checks its own, all of them together, when it takes them.
+        own = given.pop(name, {})
+        others = {owner: _checked(owner, values) for owner, values in given.items()}
+        replacement = None
+        with _named(name):
+            if name != self._name:
+                replacement = create_tracker(
+                    name, seed=seed, **{**self._parameters.get(name, {}), **own})
+            elif own:
+                self._tracker.configure(**own)
+        in_force = (replacement or self._tracker).parameters
+        others[name] = {key: in_force[key] for key in own}
+        for owner, values in others.items():
+            self._parameters.setdefault(owner, {}).update(values)
+        self._name, self._seed = name, seed
+        if replacement is not None and self._take_over(replacement) is None:
+            self._tracker = replacement
 
     def _create(self, name: str) -> Tracker:
         return create_tracker(name, seed=self._seed, **self._parameters.get(name, {}))
+
+    def _start(self, tracker: Tracker, frame: Frame, stamp: int, box: Box) -> Estimate:
+        estimate = tracker.start(frame, box)
+        self._tracker, self._estimate, self._frame = tracker, estimate, frame
+        self._stamp = stamp
+        self._last_measurement = LastMeasurement(frame, stamp, box)
+        self._interval = FrameIntervalEstimator()
+        return estimate
+
+    def _take_over(self, tracker: Tracker) -> Estimate | None:
+        """Let a new tracker start where the target was last measured, and catch up."""
+        seen, interval = self._last_measurement, self._interval
+        frame, stamp = self._frame, self._stamp
+        if seen is None or frame is None:
+            return None
+        try:
+            self._start(tracker, seen.frame, seen.stamp, seen.box)
+        except ValueError:
+            # A tracker may measure a box beyond the border, where no other one can begin.
+            self.forget()
+            return None
+        self._interval = interval
+        return self._estimate if frame is seen.frame else self.update(frame, stamp)
+
+
+def _checked(owner: str, values: Mapping[str, Any]) -> dict[str, Value]:
+    with _named(owner):
+        return tracker_class(owner).PARAMETERS.checked(values, owner)
+
+
+@contextmanager
+def _named(owner: str) -> Iterator[None]:
+    """Put the tracker's name before what it says of its parameters."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        text = str(error)
+        raise type(error)(text if owner in text else f'{owner}.{text}') from None

@@ -1,14 +1,14 @@
-"""The target without ROS around it: who may select it, when, and what a fault does."""
-
-from types import SimpleNamespace as Message
+"""A target without ROS around it: who may select it, when, and what a fault does."""
 
 import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.parameters import checked_settings, parameter_table
-from vtrack_ros.ros.target import Target
-from vtrack_ros.trackers import Estimate, TrackState
+from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.selection import Selection
+from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.session.target import Target
+from vtrack_ros.tracker import Estimate, TrackState
 
 STEP = 33_333_333
 
@@ -23,7 +23,7 @@ class Lines:
         """Remember."""
         self.said.append(text)
 
-    warning = error = info
+    warning = error = repeated_error = info
 
 
 class Scripted:
@@ -58,16 +58,23 @@ def scripted(monkeypatch):
         made.append(Scripted())
         return made[-1]
     monkeypatch.setattr('vtrack_ros.session.session.create_tracker', create)
-    monkeypatch.setattr('vtrack_ros.ros.target.create_tracker', create)
     monkeypatch.setattr(Scripted, 'states', [])
     return made
 
 
-def target(**changes):
-    """Return a target with default settings but for some, and its log."""
-    values = {name: row.default for name, row in parameter_table().items()}
-    log = Lines()
-    return Target(checked_settings({**values, **changes}), log), log
+class Following:
+    """A target with its log, and the history that it's fed from."""
+
+    def __init__(self, box=None, history=None):
+        self.log = Lines()
+        self.history = history or FrameHistory(2.0, 16.0)
+        self.target = Target(TrackingSession(), self.history, self.log)
+        self.target.set_init_box(box, 'parameter init_box')
+
+    def update(self, frame, stamp):
+        """Take a frame as the node does."""
+        self.history.append(stamp, frame)
+        return self.target.update(frame, stamp)
 
 
 def frame(value=0):
@@ -75,94 +82,97 @@ def frame(value=0):
     return np.full((100, 100), value, np.uint8)
 
 
-def detection(x=50.0, score=0.9, class_id='ball', stamp=0):
-    """Return what a detector found, with the fields of vision_msgs/msg/Detection2D."""
-    time = Message(sec=stamp // 10**9, nanosec=stamp % 10**9)
-    return Message(
-        header=Message(stamp=time), id='',
-        bbox=Message(center=Message(position=Message(x=x, y=50.0), theta=0.0),
-                     size_x=20.0, size_y=20.0),
-        results=[Message(hypothesis=Message(class_id=class_id, score=score))])
+def selection(x=50.0, class_id='ball', stamp=None):
+    """Return a box that somebody selected."""
+    return Selection(Box(x - 10, 40, 20, 20), '~/init', stamp, class_id=class_id)
 
 
-def detections(*rows, stamp=0):
-    """Return several of them."""
-    time = Message(sec=stamp // 10**9, nanosec=stamp % 10**9)
-    return Message(header=Message(stamp=time), detections=list(rows))
-
-
-def test_detector_is_asked_while_there_is_no_target_or_it_is_lost(scripted):
+def test_detector_is_wanted_while_there_is_no_target_or_it_is_lost(scripted):
     """While tracking and while searching it isn't; after it was lost it is again."""
-    follow, _ = target(init_class='ball')
+    follow = Following()
     Scripted.states = [TrackState.TRACKING, TrackState.SEARCHING, TrackState.LOST]
-    follow.on_detections(detections(detection(40.0)))
+    assert follow.target.wanted
+    follow.target.select(selection(40.0))
+    assert not follow.target.wanted
     assert follow.update(frame(), 0).box.center == (40.0, 50.0)
     for index in (1, 2):
-        follow.on_detections(detections(detection(60.0)))
+        assert not follow.target.wanted
         follow.update(frame(), index * STEP)
-        assert follow.estimate.box.center == (20.0, 20.0)
     assert follow.update(frame(), 3 * STEP).state is TrackState.LOST
-    follow.on_detections(detections(detection(60.0), detection(70.0, 0.95), detection(80.0, 0.1)))
+    assert follow.target.wanted
+    follow.target.select(selection(70.0))
     assert follow.update(frame(), 4 * STEP).box.center == (70.0, 50.0)
-    assert follow.identity[0] == 'ball'
+    assert follow.target.identity[0] == 'ball'
 
 
-def test_detections_have_the_stamp_of_their_array(scripted):
-    """A detector's box starts on the frame that the detector saw, and catches up."""
-    follow, _ = target()
+def test_a_stamped_selection_starts_on_its_frame(scripted):
+    """It starts on the frame that it was made on, and catches up."""
+    follow = Following()
     for index in range(5):
         follow.update(frame(index), 10**9 + index * STEP)
-    follow.on_detections(detections(detection(), stamp=10**9 + 2 * STEP))
+    follow.target.select(selection(stamp=10**9 + 2 * STEP))
     follow.update(frame(5), 10**9 + 5 * STEP)
     tracker = scripted[-1]
     assert tracker.started == [(2, Box(40, 40, 20, 20))]
     assert tracker.updates == 3
 
 
+def test_two_targets_of_one_history(scripted):
+    """One process may follow several: each has its session, and all of them the same frames."""
+    one = Following()
+    other = Target(TrackingSession(), one.history, Lines())
+    for index in range(3):
+        one.update(frame(index), 10**9 + index * STEP)
+        other.update(frame(index), 10**9 + index * STEP)
+    one.target.select(selection(30.0, stamp=10**9))
+    other.select(selection(60.0, stamp=10**9 + STEP))
+    one.update(frame(3), 10**9 + 3 * STEP)
+    other.update(frame(3), 10**9 + 3 * STEP)
+    started = [tracker.started for tracker in scripted if tracker.started]
+    assert started == [[(0, Box(20, 40, 20, 20))], [(1, Box(50, 40, 20, 20))]]
+
+
 def test_a_fault_of_the_tracker_forgets_the_target_and_no_more(scripted):
     """Whatever it raises is said, and the next selection is followed."""
-    follow, log = target(init_box=[10, 10, 20, 20])
+    follow = Following(Box(10, 10, 20, 20))
     assert follow.update(frame(), 0) is not None
     Scripted.states = [np.linalg.LinAlgError('singular')]
     assert follow.update(frame(), STEP) is None
-    assert 'LinAlgError: singular' in log.said[-1] and follow.word == 'waiting'
-    follow.on_detection(detection())
+    assert 'LinAlgError: singular' in follow.log.said[-1] and follow.target.state_name == 'waiting'
+    follow.target.select(selection())
     assert follow.update(frame(), 2 * STEP) is not None
 
 
 def test_init_box_counts_at_the_beginning_of_a_stream(scripted):
     """It's used once a stream, and again in the next."""
-    follow, _ = target(init_box=[10, 10, 20, 20])
+    follow = Following(Box(10, 10, 20, 20))
     assert follow.update(frame(), 100) is not None
-    follow.forget()
+    follow.target.forget()
     assert follow.update(frame(), 200) is None
-    follow.begin_stream()
-    assert follow.update(frame(), 0) is not None
+    follow.history.clear()
+    follow.target.begin_stream(from_init_box=False)
+    assert follow.update(frame(), 50) is None
+    follow.target.begin_stream()
+    assert follow.update(frame(), 60) is not None
 
 
 def test_every_target_has_its_own_name(scripted):
     """Unless it was given one, a target is counted."""
-    follow, _ = target(init_box=[10, 10, 20, 20])
+    follow = Following(Box(10, 10, 20, 20))
     follow.update(frame(), 0)
-    assert follow.identity == ('target', '1')
-    follow.on_detection(detection(class_id='cup'))
+    assert follow.target.identity == ('target', '1')
+    follow.target.select(selection(class_id='cup'))
     follow.update(frame(), STEP)
-    assert follow.identity == ('cup', '2')
+    assert follow.target.identity == ('cup', '2')
 
 
 def test_nothing_is_left_of_another_stream(scripted):
     """A selection that waits for its frame doesn't wait into the next stream."""
-    follow, _ = target()
+    follow = Following()
     follow.update(frame(), 10**9)
-    follow.on_detection(detection(stamp=2 * 10**9))
-    follow.begin_stream()
+    follow.target.select(selection(stamp=2 * 10**9))
+    follow.target.begin_stream()
     assert follow.update(frame(), 2 * 10**9) is None
-
-
-def test_the_warm_up_is_no_target(scripted):
-    """What was loaded at the start leaves no trace."""
-    follow, log = target()
-    assert follow.word == 'waiting' and follow.estimate is None and log.said == []
 
 
 @pytest.mark.parametrize('picture, words', [
@@ -170,31 +180,31 @@ def test_the_warm_up_is_no_target(scripted):
     (np.zeros((100, 100, 3), np.uint8), 'the images changed from grey to colour')])
 def test_frames_of_another_shape_forget_the_target(scripted, picture, words):
     """The log says what is different, and the new frames are as good as the old ones."""
-    follow, log = target(init_box=[10, 10, 20, 20])
+    follow = Following(Box(10, 10, 20, 20))
     assert follow.update(frame(), 0) is not None
     assert follow.update(picture, STEP) is None
-    assert log.said[-1] == f'{words}: the target is forgotten'
-    follow.on_detection(detection())
+    assert follow.log.said[-1] == f'{words}: the target is forgotten'
+    follow.target.select(selection())
     assert follow.update(picture, 2 * STEP) is not None
 
 
 def test_selection_on_a_frame_of_another_shape(scripted):
     """Nobody can catch up from it: it's refused, and no start is told of that wasn't one."""
-    follow, log = target()
+    follow = Following()
     follow.update(np.zeros((80, 90), np.uint8), 10**9)
     follow.update(frame(), 10**9 + STEP)
     follow.update(frame(), 10**9 + 2 * STEP)
-    follow.on_detection(detection(stamp=10**9 - STEP))
+    with pytest.raises(ValueError, match='too old: frames are kept from 1.0333'):
+        follow.target.select(selection(stamp=10**9 - STEP))
     assert follow.update(frame(), 10**9 + 3 * STEP) is None
-    assert not any('started' in line for line in log.said)
-    assert 'too old: frames are kept from 1.0333' in log.said[-1]
 
 
 def test_selection_of_the_future_does_not_shut_the_detector_out(scripted):
     """One that came before the first frame, with a stamp of another clock, is refused by it."""
-    follow, log = target()
-    follow.on_detection(detection(stamp=10**18))
+    follow = Following()
+    follow.target.select(selection(stamp=10**18))
     assert follow.update(frame(), 0) is None
-    assert 'in the future' in log.said[-1]
-    follow.on_detections(detections(detection()))
+    assert 'in the future' in follow.log.said[-1]
+    assert follow.target.wanted
+    follow.target.select(selection())
     assert follow.update(frame(), STEP) is not None

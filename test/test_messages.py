@@ -2,15 +2,19 @@
 
 import math
 
-from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
-from vision_msgs.msg import BoundingBox2D
 
+from vtrack_ros.bags.messages import typestore
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros import messages
-from vtrack_ros.trackers import Estimate, TrackState
+from vtrack_ros.messages import poses
+from vtrack_ros.messages.detections import detections, oriented_box
+from vtrack_ros.ros.message_types import MessageTypes
+from vtrack_ros.tracker import Estimate, TrackState
+
+TYPES = MessageTypes()
 
 
 def estimate(state=TrackState.TRACKING, angle=0.0, affine=None):
@@ -21,7 +25,7 @@ def estimate(state=TrackState.TRACKING, angle=0.0, affine=None):
 def test_rotation_is_about_the_optical_axis():
     """A positive angle turns x (right) towards y (down): clockwise as one looks at the image."""
     angle = 0.3
-    q = messages.rotation(angle)
+    q = poses.rotation(TYPES, angle)
     assert q.x == q.y == 0.0
     assert q.z**2 + q.w**2 == pytest.approx(1.0)
     # The first column of the rotation matrix of a unit quaternion is where x goes.
@@ -40,8 +44,7 @@ def test_theta_is_counterclockwise():
     affine = np.eye(3)
     affine[:2, :2] = turn @ np.diag([30.0, 12.0])
     affine[:2, 2] = 50.0, 60.0
-    bounds = BoundingBox2D()
-    messages.fill_oriented(bounds, estimate(angle=0.3, affine=affine))
+    bounds = oriented_box(TYPES, estimate(angle=0.3, affine=affine))
     assert bounds.center.theta == pytest.approx(-0.3)
     assert (bounds.size_x, bounds.size_y) == pytest.approx((30.0, 12.0))
     assert (bounds.center.position.x, bounds.center.position.y) == pytest.approx((50.0, 60.0))
@@ -52,8 +55,7 @@ def test_theta_is_counterclockwise():
 
 def test_plain_box_where_there_is_no_frame():
     """Without an affine frame the bound is what is known."""
-    bounds = BoundingBox2D()
-    messages.fill_oriented(bounds, estimate(angle=0.3))
+    bounds = oriented_box(TYPES, estimate(angle=0.3))
     assert bounds.center.theta == 0.0
     assert (bounds.center.position.x, bounds.center.position.y) == (25.0, 40.0)
     assert (bounds.size_x, bounds.size_y) == (30.0, 40.0)
@@ -62,42 +64,32 @@ def test_plain_box_where_there_is_no_frame():
 def test_covariance_layout():
     """Row by row over position and rotation; what isn't known of the rotation is uniform."""
     position = np.arange(1.0, 10.0).reshape(3, 3)
-    full = np.array(messages.covariance36(position)).reshape(6, 6)
+    message = poses.pose_with_covariance(TYPES, (1.0, 2.0, 3.0), 0.0, position)
+    full = message.covariance.reshape(6, 6)
     assert np.array_equal(full[:3, :3], position)
     assert not full[:3, 3:].any() and not full[3:, :3].any()
     angles = np.random.default_rng(0).uniform(-math.pi, math.pi, 100000)
     assert full[3, 3] == pytest.approx(angles.var(), rel=0.02)
 
 
-@pytest.mark.parametrize('word, state, level', [
-    ('tracking', TrackState.TRACKING, DiagnosticStatus.WARN),
-    ('lost', TrackState.LOST, DiagnosticStatus.ERROR),
-    ('paused', TrackState.TRACKING, DiagnosticStatus.OK),
-    ('inactive', TrackState.LOST, DiagnosticStatus.OK)])
-def test_stale_state(word, state, level):
-    """What was measured a while ago isn't well, unless somebody wanted it so."""
-    status = messages.state_status('/tracker', 'gmpf', word, estimate(state), {}, stale=True)
-    assert (status.message, status.level) == (word, level)
-    assert {row.key: row.value for row in status.values}['box'] == 'stale'
-
-
-@pytest.mark.parametrize('state, level', [
-    (TrackState.TRACKING, DiagnosticStatus.OK), (TrackState.SEARCHING, DiagnosticStatus.WARN),
-    (TrackState.LOST, DiagnosticStatus.ERROR)])
-def test_state(state, level):
-    """The level says how bad it is, and the values whether the box was measured."""
-    status = messages.state_status('/tracker', 'gmpf', state.value, estimate(state), {'a': 'b'})
-    values = {row.key: row.value for row in status.values}
-    assert status.level == level and status.message == state.value
-    assert status.name == '/tracker: target' and status.hardware_id == 'gmpf'
-    assert values['box'] == ('measured' if state is TrackState.TRACKING else 'predicted')
-    assert values['confidence'] == '0.750' and values['a'] == 'b'
-
-
 def test_particles():
     """Centres in pixels; none where a tracker has none."""
     header = Header(frame_id='eye')
-    cloud = messages.particle_poses(header, np.array([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]]))
+    particles = np.array([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]])
+    cloud = poses.particle_poses(TYPES, header, particles)
     assert cloud.header == header
     assert [(pose.position.x, pose.position.y) for pose in cloud.poses] == [(1, 2), (5, 6)]
-    assert messages.particle_poses(header, None).poses == []
+    assert poses.particle_poses(TYPES, header, None).poses == []
+
+
+def test_ros_and_bags_have_the_same_detections():
+    """One builder fills rclpy's classes and those of rosbags: the bytes are the same."""
+    def built(types):
+        header = poses.header(types, 5 * 10**9 + 7, 'eye')
+        return detections(types, header, Box(1.5, 2.0, 30.0, 40.0), 0.25, 0.75, 'ball', '3',
+                          np.eye(3))
+    kind = 'vision_msgs/msg/Detection2DArray'
+    store = typestore()
+    written = bytes(store.serialize_cdr(built(store.types), kind))
+    assert deserialize_message(written, TYPES[kind]) == built(TYPES)
+    assert not detections(TYPES, poses.header(TYPES, 0, ''), None).detections

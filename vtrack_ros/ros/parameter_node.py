@@ -1,9 +1,9 @@
-"""The node's parameters: declared, checked and read from the one table."""
+"""A node's parameters: declared from the tables, refused with what is valid, put in force."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection
+from dataclasses import replace
 import sys
 from typing import Any
 
@@ -14,7 +14,8 @@ from rclpy.parameter import Parameter as RosParameter
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable, Value
-from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names
+from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.trackers import tracker_class, tracker_names
 
 #: The name of the only parameter that isn't a scalar, and so isn't in the table.
 INIT_BOX = 'init_box'
@@ -61,69 +62,19 @@ def parameter_table() -> dict[str, Parameter]:
     return rows
 
 
-@dataclass(frozen=True)
-class Settings:
-    """
-    The values in force.
-
-    Parameters
-    ----------
-    node : dict of str to value
-        The values of `NODE_PARAMETERS`.
-    trackers : dict of str to dict
-        Tracker name -> its parameters' values.
-    init_box : Box or None
-        The target on the first frame.
-
-    """
-
-    node: dict[str, Value] = field(default_factory=dict)
-    trackers: dict[str, dict[str, Value]] = field(default_factory=dict)
-    init_box: Box | None = None
+class Settings(dict[str, Value]):
+    """The values in force of the node's own parameters."""
 
     def text(self, name: str) -> str:
-        """Return a value of the node that is text."""
-        return str(self.node[name])
+        """Return a value that is text."""
+        return str(self[name])
 
     def number(self, name: str) -> float:
-        """Return a value of the node that is a number."""
-        return float(self.node[name])
-
-    def merged(self, changes: Settings, names: Sequence[str]) -> Settings:
-        """Return these settings with `changes`, whose full names are given, taken over."""
-        trackers = {name: dict(values) for name, values in self.trackers.items()}
-        for name, values in changes.trackers.items():
-            trackers.setdefault(name, {}).update(values)
-        box = changes.init_box if INIT_BOX in names else self.init_box
-        return Settings({**self.node, **changes.node}, trackers, box)
+        """Return a value that is a number."""
+        return float(self[name])
 
 
-def checked_settings(values: Mapping[str, Any]) -> Settings:
-    """
-    Sort and check values by full name.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If one is wrong: its name, its value and what's valid.
-
-    """
-    table = parameter_table()
-    node: dict[str, Value] = {}
-    trackers: dict[str, dict[str, Value]] = {}
-    box = None
-    for full, value in values.items():
-        if full == INIT_BOX:
-            box = init_box(value)
-        elif full in NODE_PARAMETERS:
-            node[full] = table[full].checked(value)
-        elif full in table:
-            tracker, name = full.split('.', 1)
-            trackers.setdefault(tracker, {})[name] = table[full].checked(value)
-    return Settings(node, trackers, box)
-
-
-def init_box(value: Any) -> Box | None:
+def checked_init_box(value: Any) -> Box | None:
     """
     Return the box that the parameter `init_box` spells; None for an empty one.
 
@@ -173,54 +124,18 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
     return result
 
 
-class TellingNode(Node):
+class ParameterNode(Node):
     """
-    A node that says what is valid when it refuses a parameter.
+    A node whose parameters, and so its tracking session, come from the tables.
 
     rclpy's own answers leave out the name of an unknown parameter, and the range of one that is of
-    the wrong type.
-
-    """
-
-    def set_parameters_atomically(
-            self, parameter_list: list[RosParameter]) -> SetParametersResult:
-        """Set all of the parameters, or none."""
-        table = parameter_table()
-        try:
-            for parameter in parameter_list:
-                name, value = parameter.name, parameter.value
-                if name in table:
-                    _check_as_ros_does(table[name], value)
-                elif not self.has_parameter(name):
-                    raise ValueError(f'unknown parameter {name!r}; valid are {_neighbours(name)}')
-        except (TypeError, ValueError) as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return super().set_parameters_atomically(parameter_list)
-
-
-def _check_as_ros_does(row: Parameter, value: Any) -> None:
-    row.checked(value)
-    if row.kind is float and isinstance(value, int):
-        raise TypeError(f'{row.name} must be {row.valid}, with a decimal point: {float(value)}, '
-                        f'not {value}')
-
-
-def _neighbours(name: str) -> str:
-    """Return the valid names beside a wrong one: a tracker's own, or the node's."""
-    prefix = name.split('.', 1)[0] + '.'
-    table = parameter_table()
-    own = [full for full in table if full.startswith(prefix)]
-    return ', '.join(own or [*NODE_PARAMETERS, INIT_BOX, *(
-        f'{tracker}.*' for tracker in tracker_names())])
-
-
-class ParameterServer:
-    """
-    Declares the parameters of a node, and refuses wrong changes before any is made.
+    the wrong type: here they are told, as is whatever the session refuses.
 
     Parameters
     ----------
-    node : rclpy.node.Node
+    name : str
+    **arguments
+        Those of rclpy.node.Node.
 
     Raises
     ------
@@ -232,54 +147,97 @@ class ParameterServer:
     Attributes
     ----------
     settings : Settings
-        The values in force.
-    listener : callable or None
-        Called with the changes alone and their full names, once they are in force.
+        The values in force of the node's own parameters.
+    init_box : Box or None
+        The one that isn't a scalar.
+    session : TrackingSession
+        Has the trackers' own.
+    on_change : callable or None
+        Called with the names of what was changed, once it is in force.
 
     """
 
-    def __init__(self, node: Node) -> None:
-        for name, row in parameter_table().items():
-            node.declare_parameter(name, row.default, descriptor(row))
+    def __init__(self, name: str, **arguments: Any) -> None:
+        super().__init__(name, **arguments)
+        self.on_change: Callable[[Collection[str]], None] | None = None
+        self._table = parameter_table()
+        for full, row in self._table.items():
+            self.declare_parameter(full, row.default, descriptor(row))
         # A list that YAML or a command line spells may be of integers, of floats or empty: all
         # are right, and static typing would take but one of them.
-        node.declare_parameter(INIT_BOX, [], ParameterDescriptor(
+        self.declare_parameter(INIT_BOX, [], ParameterDescriptor(
             name=INIT_BOX, description=INIT_BOX_DESCRIPTION, dynamic_typing=True,
             additional_constraints='valid: 4 finite numbers, width and height positive; or none'))
-        if node.get_parameter(INIT_BOX).value is None:
+        if self.get_parameter(INIT_BOX).value is None:
             # What [] is for ROS, which can't tell what there is none of.
-            node.set_parameters([RosParameter(INIT_BOX, value=[])])
+            super().set_parameters([RosParameter(INIT_BOX, value=[])])
         # rclpy takes no notice of these, and a slip of the pen would go unseen. They may be meant
         # for other nodes of the same file, so that they are no reason to stop.
-        for name in sorted(node._parameter_overrides):
-            if not node.has_parameter(name) and not name.startswith('qos_overrides.'):
-                node.get_logger().warning(
-                    f'unknown parameter {name!r} ignored; valid are {_neighbours(name)}')
-        names = [*parameter_table(), INIT_BOX]
-        self.settings = checked_settings(
-            {name: node.get_parameter(name).value for name in names})
-        for tracker, values in self.settings.trackers.items():
-            create_tracker(tracker, seed=0, **values)
-        self.listener: Callable[[Settings, Sequence[str]], None] | None = None
-        node.add_on_set_parameters_callback(self._validate)
-        node.add_post_set_parameters_callback(self._take)
+        for full in sorted(self._parameter_overrides):
+            if not self.has_parameter(full) and not full.startswith('qos_overrides.'):
+                Node.get_logger(self).warning(
+                    f'unknown parameter {full!r} ignored; valid are {self._neighbours(full)}')
+        values = {full: self.get_parameter(full).value for full in self._table}
+        own, trackers = _by_owner(values)
+        self.settings = Settings(own)
+        self.init_box = checked_init_box(self.get_parameter(INIT_BOX).value)
+        self.session = TrackingSession(
+            self.settings.text('tracker'), int(self.settings.number('seed')), trackers)
 
-    def _take(self, parameters: Sequence[RosParameter]) -> None:
-        """Put validated changes in force."""
-        names = [parameter.name for parameter in parameters]
-        changes = checked_settings({parameter.name: parameter.value for parameter in parameters})
-        self.settings = self.settings.merged(changes, names)
-        if self.listener is not None:
-            self.listener(changes, names)
+    def set_parameters(self, parameter_list: list[RosParameter]) -> list[SetParametersResult]:
+        """Set parameters one by one."""
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
-    def _validate(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        names = [parameter.name for parameter in parameters]
+    def set_parameters_atomically(
+            self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Set all of the parameters, or none."""
+        values = {parameter.name: parameter.value for parameter in parameter_list}
         try:
-            changes = checked_settings(
-                {parameter.name: parameter.value for parameter in parameters})
-            merged = self.settings.merged(changes, names)
-            for tracker in changes.trackers:
-                create_tracker(tracker, seed=0, **merged.trackers[tracker])
+            self._check_as_ros_does(values)
+            own, trackers = _by_owner(values)
+            own = NODE_PARAMETERS.checked(own)
+            box = checked_init_box(values[INIT_BOX]) if INIT_BOX in values else self.init_box
+            tracker, seed = own.get('tracker'), own.get('seed')
+            self.session.change(None if tracker is None else str(tracker),
+                                None if seed is None else int(seed), trackers)
         except (TypeError, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+        result = super().set_parameters_atomically(parameter_list)
+        if result.successful:
+            self.settings.update(own)
+            self.init_box = box
+            if self.on_change is not None:
+                self.on_change(values)
+        return result
+
+    def _check_as_ros_does(self, values: dict[str, Any]) -> None:
+        """Raise an error at what rclpy would refuse in other words, or not at all."""
+        for name, value in values.items():
+            row = self._table.get(name)
+            if row is None:
+                if not self.has_parameter(name):
+                    raise ValueError(
+                        f'unknown parameter {name!r}; valid are {self._neighbours(name)}')
+            elif not row.dynamic:
+                raise ValueError(f'{name} is read-only: it is fixed when the node starts')
+            elif row.kind is float and type(value) is int:
+                raise TypeError(f'{name} must be {row.valid}, with a decimal point: '
+                                f'{float(value)}, not {value}')
+
+    def _neighbours(self, name: str) -> str:
+        """Return the valid names beside a wrong one: a tracker's own, or the node's."""
+        prefix = name.split('.', 1)[0] + '.'
+        own = [full for full in self._table if full.startswith(prefix)]
+        return ', '.join(own or [*NODE_PARAMETERS, INIT_BOX, *(
+            f'{tracker}.*' for tracker in tracker_names())])
+
+
+def _by_owner(values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Return the values of the node's own parameters, and those of every tracker's."""
+    own = {name: value for name, value in values.items() if name in NODE_PARAMETERS}
+    trackers: dict[str, dict[str, Any]] = {}
+    for full, value in values.items():
+        tracker, dot, name = full.partition('.')
+        if dot and tracker in tracker_names():
+            trackers.setdefault(tracker, {})[name] = value
+    return own, trackers

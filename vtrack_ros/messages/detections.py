@@ -1,0 +1,73 @@
+"""Boxes as messages of vision_msgs; `types` as in poses.py."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.messages.poses import pose_with_covariance, Types
+from vtrack_ros.tracker import Estimate
+
+
+def bounding_box(types: Types, box: Box, theta: float = 0.0) -> Any:
+    """Return a BoundingBox2D; theta [rad] is counterclockwise as one sees the image."""
+    x, y = box.center
+    center = types['vision_msgs/msg/Pose2D'](
+        position=types['vision_msgs/msg/Point2D'](x=float(x), y=float(y)), theta=theta)
+    return types['vision_msgs/msg/BoundingBox2D'](
+        center=center, size_x=float(box.width), size_y=float(box.height))
+
+
+def oriented_box(types: Types, estimate: Estimate) -> Any:
+    """
+    Return the target's rotated box as a BoundingBox2D; its plain box where it has no rotation.
+
+    An `Estimate`'s angle is clockwise-positive on the image, vision_msgs' theta the other way.
+    """
+    if estimate.affine is None:
+        return bounding_box(types, estimate.box)
+    affine = estimate.affine
+    width, height = np.hypot(affine[0, :2], affine[1, :2])
+    angle = math.atan2(affine[1, 0], affine[0, 0])
+    return bounding_box(
+        types, Box.from_center(affine[0, 2], affine[1, 2], width, height), -angle)
+
+
+def detections(types: Types, header: Any, box: Box | None, angle: float = 0.0,
+               score: float = 1.0, class_id: str = 'target', target_id: str = '',
+               covariance: NDArray[np.float64] | None = None) -> Any:
+    """
+    Return a Detection2DArray of one box, or an empty one for None.
+
+    Parameters
+    ----------
+    types : mapping of str to type
+        The message types.
+    header : std_msgs/msg/Header
+        The image's.
+    box : Box or None
+        In pixels of the image.
+    angle : float, [rad]
+        The rotation about the optical axis, which goes into the hypothesis' pose.
+    score : float
+        How sure it is, from 0 to 1.
+    class_id, target_id : str
+        What the target is called.
+    covariance : ndarray, shape (3, 3), [px^2], optional
+        Of the centre, z included.
+
+    """
+    found = []
+    if box is not None:
+        hypothesis = types['vision_msgs/msg/ObjectHypothesis'](
+            class_id=class_id, score=float(score))
+        result = types['vision_msgs/msg/ObjectHypothesisWithPose'](
+            hypothesis=hypothesis,
+            pose=pose_with_covariance(types, (*box.center, 0.0), angle, covariance))
+        found.append(types['vision_msgs/msg/Detection2D'](
+            header=header, results=[result], bbox=bounding_box(types, box), id=target_id))
+    return types['vision_msgs/msg/Detection2DArray'](header=header, detections=found)

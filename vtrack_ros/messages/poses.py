@@ -1,0 +1,75 @@
+"""
+Headers, rotations and poses as messages.
+
+Every function takes the message types: their full names -> classes, of rclpy or of rosbags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: The variance of an angle that may be anything, in rad^2: that of a uniform one.
+UNKNOWN_ANGLE = math.pi ** 2 / 3
+
+Types = Mapping[str, Any]
+
+
+def header(types: Types, stamp: int, frame_id: str) -> Any:
+    """Return a std_msgs/msg/Header of a stamp in nanoseconds."""
+    seconds, nanoseconds = divmod(stamp, 1_000_000_000)
+    time = types['builtin_interfaces/msg/Time'](sec=seconds, nanosec=nanoseconds)
+    return types['std_msgs/msg/Header'](stamp=time, frame_id=frame_id)
+
+
+def rotation(types: Types, angle: float) -> Any:
+    """Return the rotation by `angle` [rad] about the optical axis (z, away from the camera)."""
+    return types['geometry_msgs/msg/Quaternion'](
+        x=0.0, y=0.0, z=math.sin(angle / 2), w=math.cos(angle / 2))
+
+
+def pose(types: Types, position: Sequence[float] | NDArray[np.float64], angle: float) -> Any:
+    """Return a geometry_msgs/msg/Pose; the angle [rad] is about the optical axis."""
+    x, y, z = (float(value) for value in position)
+    return types['geometry_msgs/msg/Pose'](
+        position=types['geometry_msgs/msg/Point'](x=x, y=y, z=z),
+        orientation=rotation(types, angle))
+
+
+def pose_with_covariance(types: Types, position: Sequence[float] | NDArray[np.float64],
+                         angle: float, covariance: NDArray[np.float64] | None) -> Any:
+    """
+    Return a geometry_msgs/msg/PoseWithCovariance, over (x, y, z, about x, about y, about z).
+
+    Parameters
+    ----------
+    types : mapping of str to type
+        As above.
+    position : array_like, shape (3,)
+        The place.
+    angle : float, [rad]
+        About the optical axis.
+    covariance : ndarray, shape (3, 3), or None
+        The position's; None: nothing is known, all of it is 0. No tracker estimates how sure it is
+        of the rotation: its variances are those of a uniform angle.
+
+    """
+    full = np.zeros((6, 6))
+    if covariance is not None:
+        full[:3, :3] = covariance
+        full[3:, 3:] = np.diag([UNKNOWN_ANGLE] * 3)
+    return types['geometry_msgs/msg/PoseWithCovariance'](
+        pose=pose(types, position, angle), covariance=full.ravel())
+
+
+def particle_poses(types: Types, header: Any, particles: NDArray[np.float64] | None) -> Any:
+    """Return the particles' centres [px] as a PoseArray; `particles` (N, 4) or None."""
+    places = [] if particles is None else np.asarray(particles, np.float64)[:, :2].tolist()
+    still, point = rotation(types, 0.0), types['geometry_msgs/msg/Point']
+    kind = types['geometry_msgs/msg/Pose']
+    return types['geometry_msgs/msg/PoseArray'](header=header, poses=[
+        kind(position=point(x=x, y=y, z=0.0), orientation=still) for x, y in places])

@@ -1,0 +1,159 @@
+"""The node's output topics: nothing is made that nobody listens to."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import (
+    PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped, Vector3)
+import numpy as np
+from rclpy.duration import Infinite
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Image
+
+from vtrack_ros.drawing import Canvas, STATES, TRUTH
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry.camera import Position
+from vtrack_ros.messages import detections, poses
+from vtrack_ros.messages.images import fill_image
+from vtrack_ros.ros.message_types import installed, MessageTypes
+from vtrack_ros.ros.qos import OutputFaults
+from vtrack_ros.tracker import Estimate
+
+#: What every output offers; the durations are the defaults, but said as the graph says them.
+OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infinite)
+#: How many places the trail on the debug image has.
+_TRAIL = 60
+
+
+class Publishers:
+    """
+    The publishers of a tracking node.
+
+    Parameters
+    ----------
+    node : rclpy.node.Node
+    types : MessageTypes
+    with_vision : bool
+        Whether vision_msgs is installed.
+
+    """
+
+    def __init__(self, node: Node, types: MessageTypes, with_vision: bool) -> None:
+        self._node = node
+        self._types = types
+        self.mismatches = OutputFaults(node, OFFERED)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
+        self._identity = ('', '')
+        self._with_transforms: bool | None = None
+        self._all: list[Any] = []
+        self._pose = self._publisher(PoseStamped, 'pose')
+        self._covariance = self._publisher(PoseWithCovarianceStamped, 'pose_with_covariance')
+        self._state = self._publisher(DiagnosticStatus, '~/state')
+        self._particles = self._publisher(PoseArray, '~/particles')
+        self._debug = self._publisher(Image, '~/debug_image')
+        self._transforms: Any = None
+        self._detections: Any = None
+        self._bounds: Any = None
+        if with_vision:
+            self._detections = self._publisher(
+                types['vision_msgs/msg/Detection2DArray'], 'detections')
+            self._bounds = self._publisher(
+                types['vision_msgs/msg/BoundingBox2D'], 'bounding_box')
+
+    def publish_pose(self, header: Any, position: Position, angle: float) -> None:
+        """Publish a measured pose; the angle is in rad."""
+        if self._wanted(self._pose):
+            self._pose.publish(PoseStamped(
+                header=header, pose=poses.pose(self._types, position.point, angle)))
+        if self._wanted(self._covariance):
+            self._covariance.publish(PoseWithCovarianceStamped(
+                header=header, pose=poses.pose_with_covariance(
+                    self._types, position.point, angle, position.covariance)))
+
+    def publish_transform(self, header: Any, position: Position, angle: float,
+                          child: str) -> None:
+        """Publish the transform from the image's frame to the target's, given tf2_msgs."""
+        if self._with_transforms is None:
+            # Only asked for once: what isn't installed now won't be later.
+            self._with_transforms = installed('tf2_msgs', 'no transform is sent', self._node)
+            if self._with_transforms:
+                self._transforms = self._node.create_publisher(
+                    self._types['tf2_msgs/msg/TFMessage'], '/tf', QoSProfile(depth=100))
+                self._all.append(self._transforms)
+        if self._wanted(self._transforms):
+            x, y, z = (float(value) for value in position.point)
+            transform = TransformStamped(header=header, child_frame_id=child)
+            transform.transform.translation = Vector3(x=x, y=y, z=z)
+            transform.transform.rotation = poses.rotation(self._types, angle)
+            self._transforms.publish(
+                self._types['tf2_msgs/msg/TFMessage'](transforms=[transform]))
+
+    def publish_boxes(self, header: Any, estimate: Estimate | None,
+                      identity: tuple[str, str]) -> None:
+        """Publish the box if it's measured, and no detection if it isn't."""
+        measured = estimate if estimate is not None and estimate.measured else None
+        if self._wanted(self._detections):
+            if measured is None:
+                found = detections.detections(self._types, header, None)
+            else:
+                covariance = np.zeros((3, 3))
+                covariance[:2, :2] = measured.covariance[:2, :2]
+                found = detections.detections(
+                    self._types, header, measured.box, measured.angle, measured.confidence,
+                    *identity, covariance)
+            self._detections.publish(found)
+        if measured is not None and self._wanted(self._bounds):
+            self._bounds.publish(detections.oriented_box(self._types, measured))
+
+    def publish_state(self, make: Callable[[], DiagnosticStatus]) -> None:
+        """Publish the state that `make` returns."""
+        if self._wanted(self._state):
+            self._state.publish(make())
+
+    def publish_particles(self, header: Any, estimate: Estimate | None) -> None:
+        """Publish the particles' centres."""
+        if estimate is not None and self._wanted(self._particles):
+            self._particles.publish(
+                poses.particle_poses(self._types, header, estimate.particles))
+
+    def publish_debug_image(self, header: Any, frame: Frame, estimate: Estimate | None,
+                            identity: tuple[str, str], state_name: str) -> None:
+        """Publish the frame with box, ellipse, particles, trail and state drawn on it."""
+        if estimate is None or identity != self._identity:
+            self._trail.clear()
+        self._identity = identity
+        if estimate is not None and estimate.measured:
+            self._trail.append(estimate.box.center)
+        if not self._wanted(self._debug):
+            return
+        canvas = Canvas(frame, enlarge=False)
+        canvas.trail(list(self._trail))
+        if estimate is None:
+            canvas.text(state_name)
+        else:
+            canvas.estimate(estimate)
+            canvas.text(f'{state_name} {estimate.confidence:.2f}',
+                        STATES.get(estimate.state, TRUTH))
+        message = Image(header=header)
+        fill_image(message, np.ascontiguousarray(canvas.picture))
+        self._debug.publish(message)
+
+    def destroy(self) -> None:
+        """Take the publishers down."""
+        for publisher in self._all:
+            self._node.destroy_publisher(publisher)
+
+    def _publisher(self, kind: Any, topic: str) -> Any:
+        publisher = self._node.create_publisher(
+            kind, topic, OFFERED, event_callbacks=self.mismatches.callbacks(topic))
+        self._all.append(publisher)
+        return publisher
+
+    @staticmethod
+    def _wanted(publisher: Any) -> bool:
+        return publisher is not None and publisher.get_subscription_count() > 0

@@ -1,0 +1,132 @@
+"""The ways in which people and programs tell the node what to follow, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from sensor_msgs.msg import RegionOfInterest
+from std_srvs.srv import SetBool, Trigger
+
+from vtrack_ros.messages.selections import best_detection, from_detection, from_roi
+from vtrack_ros.ros.message_types import MessageTypes
+from vtrack_ros.ros.parameter_node import ParameterNode
+from vtrack_ros.ros.qos import Input
+from vtrack_ros.session.selection import Selection
+from vtrack_ros.session.target import Log, Target
+
+
+class Services:
+    """
+    Subscribes to the selections, and offers the services.
+
+    Parameters
+    ----------
+    node : ParameterNode
+    types : MessageTypes
+    with_vision : bool
+        Whether vision_msgs is installed.
+    target : Target
+    log : Log
+    changed : callable
+        Called after the target or the pause changed.
+
+    Attributes
+    ----------
+    paused : bool
+        Whether no image is to be looked at.
+
+    """
+
+    def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool,
+                 target: Target, log: Log, changed: Callable[[], None]) -> None:
+        self._node = node
+        self._types = types
+        self._with_vision = with_vision
+        self._target = target
+        self._log = log
+        self._changed = changed
+        self.paused = False
+        self._inputs = [Input(node, RegionOfInterest, '~/init_roi', self._on_roi)]
+        if with_vision:
+            self._inputs.append(Input(
+                node, types['vision_msgs/msg/Detection2D'], '~/init', self._on_detection))
+        self._detector: Input | None = None
+        self._services = [
+            node.create_service(Trigger, '~/reset', self._on_reset),
+            node.create_service(SetBool, '~/enable', self._on_enable),
+            node.create_service(Trigger, '~/reinit', self._on_reinit)]
+
+    @property
+    def inputs(self) -> list[Input]:
+        """Return the subscriptions."""
+        return [*self._inputs, *filter(None, [self._detector])]
+
+    def invitation(self) -> str:
+        """Say how the target is pointed out, or that `init_box` does."""
+        if self._node.init_box is not None:
+            return 'the target is init_box, on the first of them'
+        topics = ' or '.join(one.topic for one in self._inputs)
+        return f'point out the target on {topics} while they come, or with the parameter init_box'
+
+    def listen_to_detector(self, on: bool) -> None:
+        """Subscribe to ~/init_detections, or unsubscribe."""
+        if on and self._detector is None and self._with_vision:
+            self._detector = Input(
+                self._node, self._types['vision_msgs/msg/Detection2DArray'],
+                '~/init_detections', self._on_detections)
+        elif not on and self._detector is not None:
+            self._detector.destroy()
+            self._detector = None
+
+    def destroy(self) -> None:
+        """Take everything down."""
+        for one in self.inputs:
+            one.destroy()
+        for service in self._services:
+            self._node.destroy_service(service)
+
+    def _on_detection(self, message: Any) -> None:
+        self._select(from_detection, message, '~/init')
+
+    def _on_roi(self, message: Any) -> None:
+        self._select(from_roi, message, '~/init_roi')
+
+    def _on_detections(self, message: Any) -> None:
+        """Take the best detection of the wanted class while there is no target, or it's lost."""
+        settings = self._node.settings
+        if self._target.wanted:
+            self._select(lambda array, source: best_detection(
+                array, settings.text('init_class'), settings.number('init_score'), source),
+                message, '~/init_detections')
+
+    def _select(self, read: Callable[[Any, str], Selection | None], message: Any,
+                source: str) -> None:
+        try:
+            selection = read(message, source)
+            if selection is not None:
+                self._target.select(selection)
+        except (TypeError, ValueError) as error:
+            detector = source == '~/init_detections'
+            tell = self._log.repeated_error if detector else self._log.error
+            tell(f'{source} refused: {error}')
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        self._target.forget()
+        self._changed()
+        response.success, response.message = True, 'the target is forgotten; select a new one'
+        return response
+
+    def _on_enable(self, request: Any, response: Any) -> Any:
+        self.paused = not request.data
+        self._changed()
+        response.success = True
+        response.message = 'paused; the target is kept' if self.paused else 'tracking is on'
+        return response
+
+    def _on_reinit(self, _: Any, response: Any) -> Any:
+        response.success = self._node.session.restart() is not None
+        self._changed()
+        response.message = ('started again on the last good box' if response.success else
+                            'there is no target to start again on; select one')
+        return response

@@ -1,0 +1,157 @@
+"""The flow of a camera's frames: which came, which never did, and which begin another stream."""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum
+
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
+
+#: How many latencies and processing times are remembered.
+MEMORY = 300
+#: A step in the stamps of more frames than this is a pause, not a loss.
+LONGEST_GAP = 30
+#: How much earlier than the newest a late frame may be stamped, in nanoseconds.
+LATEST = 1_000_000_000
+#: So many frames in a row that are stamped before the newest are no late ones.
+MOST_LATE = 3
+
+
+class Arrival(Enum):
+    """What a frame's stamp says of it."""
+
+    #: The next one.
+    NEXT = 'next'
+    #: One that others overtook, or whose stamp is wrong: not to be used.
+    LATE = 'late'
+    #: The clock of the stamps was set back.
+    RESET = 'reset'
+    #: The stream begins again, as that of a bag that loops.
+    BEGINNING = 'beginning'
+
+
+class FrameFlow:
+    """
+    Counts frames, and times them.
+
+    Attributes
+    ----------
+    received, malformed, late, missing : int
+        Frames that came, that came broken, that came after later ones, and that never came, as the
+        gaps between the stamps tell.
+    fault : str
+        What was wrong with the last malformed one.
+    processing, latency : deque of float, [ms]
+        The latest ones.
+    largest : int
+        The size of the largest image, in bytes.
+
+    """
+
+    def __init__(self) -> None:
+        self.received = self.malformed = self.late = self.missing = self.largest = 0
+        self.fault = ''
+        self.processing: deque[float] = deque(maxlen=MEMORY)
+        self.latency: deque[float] = deque(maxlen=MEMORY)
+        self._first = 0
+        self._newest: int | None = None
+        self._late_in_a_row = self._in_order = 0
+        self._spoilt: deque[int] = deque(maxlen=LONGEST_GAP)
+        self._interrupted = False
+        self._interval = FrameIntervalEstimator()
+        self._first_arrival = self._last_arrival = self._last_frame = 0
+        self._since = 0
+        self._reported = (0, 0, 0)
+
+    def arrived(self, stamp: int, now: int) -> Arrival:
+        """
+        Count a frame, and judge its stamp.
+
+        Parameters
+        ----------
+        stamp : int, [ns]
+            The image's.
+        now : int, [ns]
+            When it arrived, on a clock that never jumps.
+
+        """
+        self.received += 1
+        self._since += 1
+        self._first_arrival = self._first_arrival or now
+        self._last_arrival = self._last_frame = now
+        newest, interrupted = self._newest, self._interrupted
+        if newest is None:
+            self._begin(stamp, stamp)
+            return Arrival.NEXT
+        if stamp < newest:
+            self._late_in_a_row += 1
+            # Nothing but the first frame has its stamp, once there are others.
+            first_again = stamp <= self._first and self._in_order >= MOST_LATE
+            if (stamp >= newest - LATEST and self._late_in_a_row < MOST_LATE
+                    and not first_again):
+                self.late += 1
+                return Arrival.LATE
+            again = stamp <= self._first + LATEST
+            self._begin(stamp if again else min(self._first, stamp), stamp)
+            return Arrival.BEGINNING if again else Arrival.RESET
+        if stamp > newest and not interrupted:
+            gap = self._interval.missing(stamp - newest)
+            if gap < LONGEST_GAP:
+                came = sum(newest < one < stamp for one in self._spoilt)
+                self.missing += max(0, gap - came)
+        self._newest, self._late_in_a_row, self._interrupted = stamp, 0, False
+        self._in_order += 1
+        self._spoilt.clear()
+        return Arrival.NEXT
+
+    def spoilt(self, stamp: int, now: int, fault: str) -> None:
+        """
+        Count a malformed frame, which came and so isn't missing.
+
+        Parameters
+        ----------
+        stamp : int, [ns]
+            The image's; it's believed only if the next good frame's fits.
+        now : int, [ns]
+            As for `arrived`.
+        fault : str
+            What is wrong with it.
+
+        """
+        self.malformed += 1
+        self.fault = fault
+        self._last_arrival = now
+        self._spoilt.append(stamp)
+
+    def interrupt(self) -> None:
+        """Note that nobody takes frames for a while: what is sent meanwhile isn't missing."""
+        self._interrupted = True
+        self._first_arrival = self._since = 0
+
+    def rate(self, now: int) -> float:
+        """Return the frames per second since the last call; `now` in ns as for `arrived`."""
+        elapsed = now - self._first_arrival
+        rate = self._since * 1e9 / elapsed if self._first_arrival and elapsed > 0 else 0.0
+        self._first_arrival, self._since = now, 0
+        return rate
+
+    def recent(self) -> tuple[int, int, int]:
+        """Return how many frames were received, malformed and missing since the last call."""
+        totals = (self.received, self.malformed, self.missing)
+        before, self._reported = self._reported, totals
+        return (totals[0] - before[0], totals[1] - before[1], totals[2] - before[2])
+
+    def silence(self, now: int) -> float:
+        """Return the seconds since anything came; infinite before the first frame."""
+        return (now - self._last_arrival) / 1e9 if self._last_arrival else float('inf')
+
+    def age(self, now: int) -> float:
+        """Return the seconds since the last frame that wasn't malformed; infinite before it."""
+        return (now - self._last_frame) / 1e9 if self._last_frame else float('inf')
+
+    def _begin(self, first: int, newest: int) -> None:
+        self._first, self._newest = first, newest
+        self._late_in_a_row, self._in_order = 0, 1
+        self._interval = FrameIntervalEstimator()
+        self._interrupted = False
+        self._spoilt.clear()

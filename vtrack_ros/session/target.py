@@ -1,0 +1,158 @@
+"""One target: selected, tracked, given up."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.selection import Selection, Selector
+from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.tracker import Estimate, TrackState
+
+
+class Log(Protocol):
+    """What a target tells of what becomes of it."""
+
+    def info(self, text: str) -> None:
+        """Tell of what was asked for."""
+
+    def warning(self, text: str) -> None:
+        """Tell of a target that was given up."""
+
+    def error(self, text: str) -> None:
+        """Tell of what somebody asked for in vain."""
+
+    def repeated_error(self, text: str) -> None:
+        """Tell of what may go wrong with every frame."""
+
+
+class Target:
+    """
+    Tracks one target, from whatever selects it until it's given up.
+
+    Parameters
+    ----------
+    session : TrackingSession
+        This target's own.
+    history : FrameHistory
+        The latest frames, the one to be tracked included; several targets may share it.
+    log : Log
+        Is told what becomes of the target.
+
+    Attributes
+    ----------
+    init_box : Selection or None
+        What is selected with the first frame of every stream.
+    identity : tuple of str
+        The target's class and id.
+
+    """
+
+    def __init__(self, session: TrackingSession, history: FrameHistory, log: Log) -> None:
+        self._session = session
+        self._selector = Selector(history)
+        self._log = log
+        self._shape: tuple[int, ...] = ()
+        self._count = 0
+        self.identity = ('target', '')
+        self.init_box: Selection | None = None
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """Return the latest estimate; None while there is no target."""
+        return self._session.estimate
+
+    @property
+    def state_name(self) -> str:
+        """Return the state's name: waiting, tracking, searching or lost."""
+        return 'waiting' if self.estimate is None else self.estimate.state.value
+
+    def begin_stream(self, from_init_box: bool = True) -> None:
+        """Forget what belongs to another stream; `init_box` is where the target is in this one."""
+        self.forget()
+        if from_init_box and self.init_box is not None:
+            self._selector.select(self.init_box)
+
+    def set_init_box(self, box: Box | None, source: str) -> None:
+        """Take a box that counts from the next frame on, and in every stream; None for none."""
+        before, self.init_box = self.init_box, None if box is None else Selection(box, source)
+        if self.init_box is not None:
+            self._selector.select(self.init_box)
+        elif before is not None and self._selector.pending is before:
+            self._selector.clear()
+
+    def select(self, selection: Selection) -> None:
+        """Take a selection instead of any target so far; ValueError if its frame is gone."""
+        self._selector.select(selection)
+
+    @property
+    def wanted(self) -> bool:
+        """Return whether a detector's selection is of use: there is no target, or it is lost."""
+        lost = self.estimate is None or self.estimate.state is TrackState.LOST
+        return lost and self._selector.pending is None
+
+    def update(self, frame: Frame, stamp: int) -> Estimate | None:
+        """
+        Take the next frame; None while there is no target.
+
+        Parameters
+        ----------
+        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+            The pixels.
+        stamp : int, [ns]
+            When they were taken.
+
+        """
+        shape, self._shape = self._shape, frame.shape
+        before = self.estimate
+        try:
+            estimate = self._started() or self._session.update(frame, stamp)
+        except Exception as error:
+            # Whatever a tracker comes across in the pixels, the program must outlive it.
+            self._log.repeated_error(f'tracker {self._session.tracker} failed, the target is '
+                                     f'forgotten: {type(error).__name__}: {error}')
+            self._session.forget()
+            return None
+        if before is not None and estimate is None:
+            self._log.warning(f'{_change(shape, frame.shape)}: the target is forgotten')
+        return estimate
+
+    def forget(self) -> None:
+        """Give the target up, and any that was about to be one."""
+        self._session.forget()
+        self._selector.clear()
+
+    def _started(self) -> Estimate | None:
+        """Start on the selection whose frame is there; None where there's none."""
+        pending = self._selector.pending
+        source, automatic = (pending.source, pending.automatic) if pending else ('', False)
+        try:
+            ready = self._selector.ready()
+            if ready is None:
+                return None
+            selection, frames = ready
+            (stamp, frame), later = frames[0], frames[1:]
+            box = selection.box_on(frame)
+            self._session.start(frame, stamp, box)
+        except ValueError as error:
+            tell = self._log.repeated_error if automatic else self._log.error
+            tell(f'{source} refused: {error}')
+            return None
+        for stamp, frame in later:
+            self._session.update(frame, stamp)
+        self._count += 1
+        self.identity = (selection.class_id or 'target', selection.target_id or str(self._count))
+        self._log.info(f'{selection.source}: started {self._session.tracker} on the box at '
+                       f'({box.x:g}, {box.y:g}) of {box.width:g} x {box.height:g} px')
+        return self.estimate
+
+
+def _change(before: tuple[int, ...], now: tuple[int, ...]) -> str:
+    """Say what is different in frames of another shape."""
+    if before[:2] != now[:2]:
+        sizes = [' x '.join(map(str, shape[1::-1])) for shape in (before, now)]
+        return f'the image size changed from {sizes[0]} to {sizes[1]}'
+    kinds = ['colour' if len(shape) == 3 else 'grey' for shape in (before, now)]
+    return f'the images changed from {kinds[0]} to {kinds[1]}'
