@@ -30,28 +30,36 @@ def test_made_from_the_table(repository, name):
         f'{name} is not what the table says: run python -m vtrack_ros.ros.parameter_files')
 
 
-@pytest.mark.parametrize('tracker', tracker_names())
+def parameters(repository, name):
+    """Return what a parameter file sets."""
+    tree = yaml.safe_load((repository / 'config' / f'{name}.yaml').read_text())
+    return tree['/**']['ros__parameters']
+
+
+@pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_parameter_files_hold_the_defaults(repository, tracker):
-    """Read as ROS reads them, they give every parameter its default."""
-    tree = yaml.safe_load((repository / 'config' / f'{tracker}.yaml').read_text())
-    values = tree['/**']['ros__parameters']
-    own = values.pop(tracker, None) or {}
-    assert own == tracker_class(tracker).PARAMETERS.defaults()
+    """Read as ROS reads them, they choose a tracker and give its parameters their defaults."""
+    values = parameters(repository, tracker)
     assert values.pop('tracker') == tracker
-    expected = NODE_PARAMETERS.defaults()
-    del expected['tracker']
-    assert values == expected
+    assert values.pop(tracker, {}) == tracker_class(tracker).PARAMETERS.defaults()
+    assert not values
+
+
+def test_the_nodes_own_parameters_have_a_file(repository):
+    """All but the choice of a tracker, with their defaults."""
+    assert {**parameters(repository, 'node'), 'tracker': 'gmpf'} == NODE_PARAMETERS.defaults()
 
 
 def test_a_node_takes_every_parameter_file(repository):
     """The real node, started with one file after another, has that tracker."""
-    arguments = []
-    for tracker in tracker_names():
+    arguments = ['--params-file', str(repository / 'config' / 'node.yaml')]
+    trackers = tracker_names(replicas=False)
+    for tracker in trackers:
         arguments += ['--params-file', str(repository / 'config' / f'{tracker}.yaml')]
     with NodeProcess(*arguments), Client() as client:
         assert client.parameters.wait_for_services(20)
         # The last file wins for what all of them have.
-        assert client.get('tracker') == [tracker_names()[-1]]
+        assert client.get('tracker') == [trackers[-1]]
         table = parameter_table()
         names = [name for name in table if name != 'tracker']
         assert client.get(*names) == [table[name].default for name in names]

@@ -61,7 +61,7 @@ def test_no_target_no_estimate():
     assert session.restart() is None
 
 
-@pytest.mark.parametrize('tracker', tracker_names())
+@pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_same_seed_same_boxes(tracker):
     """Two sessions of the same seed say the same, bit for bit."""
     runs = []
@@ -125,7 +125,7 @@ def test_restart_goes_back_to_the_last_good_look(monkeypatch):
     assert started[-1][0] is frames[1] and started[-1][1] == Box(50, 30, 24, 24)
 
 
-@pytest.mark.parametrize('tracker', tracker_names())
+@pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_another_tracker_keeps_the_target(tracker):
     """Every tracker takes over where the one before was."""
     session = TrackingSession('pf')

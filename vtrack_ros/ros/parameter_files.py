@@ -1,5 +1,5 @@
 """
-The parameters as files: config/*.yaml and docs/parameters.md, made from the one table.
+The parameters as files: config/*.yaml and docs/parameters.md, made from the tables.
 
 `python -m vtrack_ros.ros.parameter_files` writes them afresh into the source tree.
 """
@@ -15,13 +15,15 @@ from vtrack_ros.ros.parameter_node import INIT_BOX, INIT_BOX_DESCRIPTION, NODE_P
 from vtrack_ros.trackers import tracker_class, tracker_names
 
 _HEAD = """\
-# {name}: {summary}.
+# {title}
 #
 # ros2 run vtrack_ros tracker --ros-args --params-file {name}.yaml
 #
-# All parameters with their defaults, in any order and number: what is left out keeps its default.
-# Those marked "fixed" are read once; all others may change while the node runs. Those that act at
-# the next start do so with the next target, or at once with the service ~/reinit.
+# With their defaults; what is left out keeps its own. Several files may be given, each behind its
+# own --params-file.{note}
+
+/**:
+  ros__parameters:
 """
 _PAGE = """\
 # Parameters
@@ -34,15 +36,18 @@ with the reason and the valid range, and nothing changes.
     ros2 param set /tracker gmpf.particles 300
     ros2 param describe /tracker gmpf.particles
 
-This page and the files `config/*.yaml` are made from the table in the code by
+`config/node.yaml` holds the node's own parameters, `config/gmpf.yaml` and its like choose a tracker
+and hold its parameters. This page and those files are made from the tables in the code by
 `python -m vtrack_ros.ros.parameter_files`.
 """
+_TABLE = '| parameter | default | valid | what it does |', '| --- | --- | --- | --- |'
 
 
 def files() -> dict[str, str]:
     """Return the path in the source tree -> the text of every file."""
-    texts = {f'config/{name}.yaml': _yaml(name) for name in tracker_names(replicas=False)}
-    texts['docs/parameters.md'] = _markdown()
+    texts = {f'config/{name}.yaml': _tracker_yaml(name) for name in tracker_names(replicas=False)}
+    texts['config/node.yaml'] = _node_yaml()
+    texts['docs/parameters.md'] = _page()
     return texts
 
 
@@ -57,26 +62,29 @@ def write(root: Path) -> list[Path]:
     return paths
 
 
-def _yaml(tracker: str) -> str:
+def _node_yaml() -> str:
+    text = _HEAD.format(title="The node's own parameters.", name='node',
+                        note=' Those marked "fixed" are read once.')
+    rows = [row for name, row in NODE_PARAMETERS.items() if name != 'tracker']
+    lines = [*_entries(rows, 4), *_comment(INIT_BOX_DESCRIPTION, 4),
+             f'    # {INIT_BOX}: [100.0, 200.0, 60.0, 60.0]']
+    return text + '\n'.join(lines) + '\n'
+
+
+def _tracker_yaml(tracker: str) -> str:
     cls = tracker_class(tracker)
-    lines = [_HEAD.format(name=tracker, summary=cls.SUMMARY), '/**:', '  ros__parameters:']
-    for name, row in NODE_PARAMETERS.items():
-        lines += _entry(row, tracker if name == 'tracker' else row.default, 4)
-        if name == 'seed':
-            lines += _comment(INIT_BOX_DESCRIPTION, 4)
-            lines.append(f'    # {INIT_BOX}: [100.0, 200.0, 60.0, 60.0]')
-    lines += ['', f'    {tracker}:']
-    for row in cls.PARAMETERS.values():
-        lines += _entry(row, row.default, 6)
-    if not cls.PARAMETERS:
-        del lines[-2:]
-    return '\n'.join(lines) + '\n'
+    text = _HEAD.format(title=f'{tracker}: {cls.SUMMARY}.', name=tracker, note='')
+    lines = [f'    tracker: {tracker}']
+    if cls.PARAMETERS:
+        lines += [f'    {tracker}:', *_entries(cls.PARAMETERS.values(), 6)]
+    return text + '\n'.join(lines) + '\n'
 
 
-def _entry(row: Parameter, value: Value, indent: int) -> Iterator[str]:
-    fixed = '' if row.dynamic else ' Fixed.'
-    yield from _comment(f'{row.description} Valid: {row.valid}.{fixed}', indent)
-    yield f'{" " * indent}{row.name}: {_scalar(value)}'
+def _entries(rows: Iterable[Parameter], indent: int) -> Iterator[str]:
+    for row in rows:
+        fixed = '' if row.dynamic else ' Fixed.'
+        yield from _comment(f'{row.description} Valid: {row.valid}.{fixed}', indent)
+        yield f'{" " * indent}{row.name}: {_scalar(row.default)}'
 
 
 def _comment(text: str, indent: int) -> list[str]:
@@ -92,25 +100,31 @@ def _scalar(value: Value) -> str:
     return repr(value)
 
 
-def _markdown() -> str:
-    lines = [_PAGE, '## The node', '', *_table(NODE_PARAMETERS.values(), ''),
-             f'| `{INIT_BOX}` | `[]` | four numbers, or none | {INIT_BOX_DESCRIPTION} |', '']
-    for tracker in tracker_names():
-        cls = tracker_class(tracker)
-        lines += [f'## `{tracker}`: {cls.SUMMARY}', '']
-        lines += [*_table(cls.PARAMETERS.values(), f'{tracker}.'), ''] if cls.PARAMETERS else [
-            'It has no parameters of its own.', '']
+def _page() -> str:
+    lines = [_PAGE, '## The node', '', *_TABLE]
+    lines += [_row(f'`{name}`', row) for name, row in NODE_PARAMETERS.items()]
+    lines += [f'| `{INIT_BOX}` | `[]` | four numbers, or none | {INIT_BOX_DESCRIPTION} |', '']
+    product = tracker_names(replicas=False)
+    replicas = [name for name in tracker_names() if name not in product]
+    for title, trackers in ('The trackers', product), ("The papers' methods", replicas):
+        lines += [f'## {title}', '']
+        lines += [f'- `{name}`: {tracker_class(name).SUMMARY}' for name in trackers]
+        lines += ['', 'Behind the name of each of the trackers, as in `'
+                  f'{trackers[0]}.particles`:', '', *_TABLE]
+        owners: dict[Parameter, list[str]] = {}
+        for name in trackers:
+            for row in tracker_class(name).PARAMETERS.values():
+                owners.setdefault(row, []).append(name)
+        lines += [_row(f'`{row.name}` of ' + ', '.join(names), row)
+                  for row, names in owners.items()]
+        lines.append('')
     return '\n'.join(lines).rstrip() + '\n'
 
 
-def _table(rows: Iterable[Parameter], prefix: str) -> Iterator[str]:
-    yield '| parameter | default | valid | what it does |'
-    yield '| --- | --- | --- | --- |'
-    for row in rows:
-        fixed = '' if row.dynamic else ' *(fixed)*'
-        description = row.description.replace('|', '\\|')
-        yield (f'| `{prefix}{row.name}` | `{_scalar(row.default)}` | {row.valid} | '
-               f'{description}{fixed} |')
+def _row(name: str, row: Parameter) -> str:
+    fixed = '' if row.dynamic else ' *(fixed)*'
+    description = row.description.replace('|', '\\|')
+    return f'| {name} | `{_scalar(row.default)}` | {row.valid} | {description}{fixed} |'
 
 
 if __name__ == '__main__':

@@ -62,7 +62,7 @@ def parameter_table() -> dict[str, Parameter]:
     return rows
 
 
-class Settings(dict[str, Value]):
+class NodeSettings(dict[str, Value]):
     """The values in force of the node's own parameters."""
 
     def text(self, name: str) -> str:
@@ -146,7 +146,7 @@ class ParameterNode(Node):
 
     Attributes
     ----------
-    settings : Settings
+    settings : NodeSettings
         The values in force of the node's own parameters.
     init_box : Box or None
         The one that isn't a scalar.
@@ -179,7 +179,7 @@ class ParameterNode(Node):
                     f'unknown parameter {full!r} ignored; valid are {self._neighbours(full)}')
         values = {full: self.get_parameter(full).value for full in self._table}
         own, trackers = _by_owner(values)
-        self.settings = Settings(own)
+        self.settings = NodeSettings(own)
         self.init_box = checked_init_box(self.get_parameter(INIT_BOX).value)
         self.session = TrackingSession(
             self.settings.text('tracker'), int(self.settings.number('seed')), trackers)

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
 
-from vtrack_ros.drawing import Canvas, STATES, TRUTH
+from vtrack_ros.drawing import AnnotatedFrame, STATES, TRUTH
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry.camera import Position
 from vtrack_ros.messages import detections, poses
@@ -131,16 +131,16 @@ class Publishers:
             self._trail.append(estimate.box.center)
         if not self._wanted(self._debug):
             return
-        canvas = Canvas(frame, enlarge=False)
-        canvas.trail(list(self._trail))
+        picture = AnnotatedFrame(frame, enlarge=False)
+        picture.trail(self._trail)
         if estimate is None:
-            canvas.text(state_name)
+            picture.text(state_name)
         else:
-            canvas.estimate(estimate)
-            canvas.text(f'{state_name} {estimate.confidence:.2f}',
+            picture.estimate(estimate)
+            picture.text(f'{state_name} {estimate.confidence:.2f}',
                         STATES.get(estimate.state, TRUTH))
         message = Image(header=header)
-        fill_image(message, np.ascontiguousarray(canvas.picture))
+        fill_image(message, np.ascontiguousarray(picture.picture))
         self._debug.publish(message)
 
     def destroy(self) -> None:
