@@ -36,8 +36,8 @@ with the reason and the valid range, and nothing changes.
     ros2 param set /tracker gmpf.particles 300
     ros2 param describe /tracker gmpf.particles
 
-`config/node.yaml` holds the node's own parameters, `config/gmpf.yaml` and its like choose a tracker
-and hold its parameters. This page and those files are made from the tables in the code by
+`config/node.yaml` holds the node's own parameters, `config/gmpf.yaml` and its like choose a
+tracker and hold its parameters. This page and those files are made from the tables in the code by
 `python -m vtrack_ros.ros.parameter_files`.
 """
 _TABLE = '| parameter | default | valid | what it does |', '| --- | --- | --- | --- |'

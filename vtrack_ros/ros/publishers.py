@@ -138,7 +138,7 @@ class Publishers:
         else:
             picture.estimate(estimate)
             picture.text(f'{state_name} {estimate.confidence:.2f}',
-                        STATES.get(estimate.state, TRUTH))
+                         STATES.get(estimate.state, TRUTH))
         message = Image(header=header)
         fill_image(message, np.ascontiguousarray(picture.picture))
         self._debug.publish(message)
