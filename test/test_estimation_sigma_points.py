@@ -20,6 +20,11 @@ def integral(rule, powers):
     return float(rule.mean_weights @ np.prod(rule.points ** np.array(powers), axis=1))
 
 
+def second_moment_of(rule):
+    """Return `sum_i w_i xi_i xi_i^T`: the identity, if the rule is any good."""
+    return (rule.points.T * rule.covariance_weights) @ rule.points
+
+
 def magnitude(rule, powers):
     return float(np.abs(rule.mean_weights) @ np.prod(np.abs(rule.points ** np.array(powers)),
                                                      axis=1))
@@ -109,7 +114,7 @@ def test_pruned_rules_keep_the_first_two_moments(dimension, order, regroup):
     rule = pruned_gauss_hermite(dimension, order, regroup=regroup)
     assert rule.mean_weights.sum() == pytest.approx(1.0)
     np.testing.assert_allclose(rule.mean_weights @ rule.points, 0.0, atol=1e-12)
-    np.testing.assert_allclose(rule.second_moment, np.eye(dimension), atol=1e-12)
+    np.testing.assert_allclose(second_moment_of(rule), np.eye(dimension), atol=1e-12)
     assert (rule.mean_weights > 0).all()
 
 
@@ -126,9 +131,9 @@ def test_regrouping_as_printed_shrinks_the_second_moment(order, second_moment):
     _, weights = hermite_nodes(order)
     rule = pruned_gauss_hermite(1, order, weights[1], regroup=True, matched=False)
     assert len(rule) == order
-    assert rule.second_moment[0, 0] == pytest.approx(second_moment, abs=1e-4)
+    assert second_moment_of(rule)[0, 0] == pytest.approx(second_moment, abs=1e-4)
     matched = pruned_gauss_hermite(1, order, weights[1], regroup=True)
-    assert matched.second_moment[0, 0] == pytest.approx(1.0)
+    assert second_moment_of(matched)[0, 0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize('make, name', [

@@ -47,17 +47,9 @@ class AffineParticles(ABC):
         """
         Move every particle by a time step of `dt` frames.
 
-        Parameters
-        ----------
-        dt, autoregression : float
-            The step, and the a of the autoregressive process, where there is one.
-        sigmas : ndarray, shape (6,)
-            Standard deviations of the noise a frame, in the order of `affine.from_coordinates`.
-        move : ndarray, shape (3, 3), optional
-            A measured movement in the image, p' = move p.
-        share : float
-            Of the particles, that follow the movement.
-
+        The noise a frame has the standard deviations `sigmas`, shape (6,), in the order of
+        `affine.from_coordinates`; `autoregression` is the a of the process, where there is one. A
+        share of the particles follows a measured movement in the image, p' = move p.
         """
 
     @abstractmethod
@@ -167,8 +159,7 @@ class VectorParticles(AffineParticles):
         self.vectors, self.states = vectors, states
 
     def mean(self, weights: Array) -> Array:
-        best: Array = self.states[int(weights.argmax())].copy()
-        return best
+        return np.array(self.states[int(weights.argmax())])
 
     def _keep(self, chosen: NDArray[np.intp]) -> None:
         self.vectors, self.states = self.vectors[chosen], self.states[chosen]

@@ -52,25 +52,8 @@ def gm11_forecast(
     also makes the forecast depend on the direction (upward motion accelerates, downward motion
     brakes).
 
-    Parameters
-    ----------
-    series : ndarray, shape (m, n)
-        Evenly spaced in time, oldest first; m >= 4.
-    steps : float
-        How far ahead, in spacings of the series; the paper's forecast is one step.
-    margin : float, optional
-        Smallest value over range, after the shift; positive.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    ValueError
-        If the series is shorter than four, not two-dimensional or not finite, or the margin
-        isn't positive.
-
+    The series, shape (m, n), is evenly spaced in time, oldest first; ValueError unless it's
+    finite and m >= 4. The forecast, shape (n,), is so many spacings ahead, in the paper one.
     """
     series = checked_array('series', series, (None, None))
     if len(series) < SHORTEST_SERIES:
@@ -121,7 +104,7 @@ class GreyProposal(Proposal):
     Parameters
     ----------
     window : int
-        m, at least 4; the paper uses 5 and finds 4 to 6 good and 10 useless [Zhu2012, table 3].
+        m, at least 4; the paper finds 4 to 6 good and 10 useless [Zhu2012, table 3].
     floor : float
         How much of the process noise is added to P_k, zero (the paper) or more. Where P_k isn't
         positive definite without it, the particles come from the transition prior.

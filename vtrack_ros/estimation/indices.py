@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.model import checked_array, FloatArray
 
+#: For time per frame, mean and variance of the RMSE [Zhu2012, section 5].
 PAPER_WEIGHTS = (0.5, 0.3, 0.2)
-"""For time per frame, mean and variance of the RMSE [Zhu2012, section 5]."""
 
 
 def composite_index(criteria: ArrayLike, weights: ArrayLike = PAPER_WEIGHTS) -> FloatArray:
@@ -17,13 +18,8 @@ def composite_index(criteria: ArrayLike, weights: ArrayLike = PAPER_WEIGHTS) -> 
     `CEI(X_k) = sum_i w_i C_i(X_k) / max_j C_i(X_j)`: from 0 to 1, smaller is better. It is
     relative to the worst of those compared: adding an algorithm changes the others' index.
 
-    Parameters
-    ----------
-    criteria : array_like, shape (algorithms, criteria)
-        Each zero or more, the smaller the better. A criterion that is zero for all counts zero.
-    weights : array_like, shape (criteria,)
-        Of the criteria, zero or more, with sum one.
-
+    Criteria, shape (algorithms, criteria), are zero or more, the smaller the better; one that is
+    zero for all counts zero. Weights, shape (criteria,), are zero or more, with sum one.
     """
     weights = checked_array('weights', weights, (None,))
     criteria = checked_array('criteria', criteria, (None, len(weights)))
@@ -33,5 +29,4 @@ def composite_index(criteria: ArrayLike, weights: ArrayLike = PAPER_WEIGHTS) -> 
         raise ValueError('weights must be zero or more, with sum one')
     largest = criteria.max(axis=0)
     largest[largest == 0] = 1.0
-    index: FloatArray = criteria / largest @ weights
-    return index
+    return np.asarray(criteria / largest @ weights)

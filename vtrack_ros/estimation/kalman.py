@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from vtrack_ros.estimation.model import (
     checked_array, checked_covariance, FloatArray, GaussianNoise, LinearModel, StateSpaceModel)
 
+#: How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded.
 _BLOCK = 16384
-"""How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +88,7 @@ class GaussianFilter(ABC):
     def update(
             self, prior: Gaussian, measurement: FloatArray, time: float = 0.0,
             error: GaussianNoise | None = None) -> Correction:
-        """
-        Return the beliefs after a measurement, shape (m,), the same for all, at `time`.
-
-        Its error is given where it differs from the model's.
-        """
+        """Return the beliefs after a measurement, (m,), at `time`, with R or an error of its own."""
         self._check(prior)
         if np.shape(measurement) != (self.model.measurement_dimension,):
             raise ValueError(f'measurement must have the shape '

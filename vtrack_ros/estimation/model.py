@@ -227,19 +227,9 @@ class ConstantVelocity(LinearModel):
     the given spectral density (Bar-Shalom, Li and Kirubarajan, 2001, section 6.2.2), so Q(dt) is
     positive definite and two steps of dt equal one of 2 dt. What is measured is p, or p and s.
 
-    Parameters
-    ----------
-    positions : int
-        d, at least one.
-    wandering : int
-        c, the number of components that follow a random walk.
-    acceleration_density : float, [unit^2/s^3]
-        Of the white acceleration.
-    wander_density : float, [unit^2/s]
-        The variance that the random walk gains per unit of time.
-    measurement_noise : array_like, shape (d, d) or (d + c, d + c), optional, [unit^2]
-        Its size says what is measured; by default the positions alone, with unit variance.
-
+    The densities are of the white acceleration, [unit^2/s^3], and of what the wandering components
+    gain in variance per unit of time, [unit^2/s]. The size of the measurement noise, [unit^2],
+    says what is measured; by default p with unit variance.
     """
 
     def __init__(

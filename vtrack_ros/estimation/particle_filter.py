@@ -40,20 +40,9 @@ class ParticleFilter:
     the proposed particles keep the weights of before, these are marked `recovered`, and
     `recoveries` counts it.
 
-    Parameters
-    ----------
-    model : StateSpaceModel
-    proposal : Proposal, optional
-        The transition prior by default.
-    particles : int
-        N, at least one.
-    resampling : {'systematic', 'stratified', 'residual', 'multinomial'}
-    threshold : float
-        Resample when the effective sample size is below this fraction of N, in [0, 1].
-    weighting : {'full', 'simplified'}
-    rng : numpy.random.Generator
-        Where all randomness comes from.
-
+    The proposal is the transition prior by default; resampling is one of `RESAMPLERS`, where the
+    effective sample size is below the threshold, a fraction of N in [0, 1]. All randomness comes
+    from `rng`.
     """
 
     def __init__(
@@ -139,19 +128,10 @@ class ParticleFilter:
 
         Returned is the belief before resampling: take estimates from this one.
 
-        Parameters
-        ----------
-        measurement : array_like, shape (m,), optional
-            Steers proposals that use it, which otherwise fall back to prediction. It weights
-            the particles too, by the model, unless `log_likelihood` does.
-        dt : float
-            Positive.
-        log_likelihood : callable, optional
-            Takes states, shape (N, n), returns log p(z | x), shape (N,). Without it and without
-            a measurement the step is a pure prediction.
-        error : GaussianNoise, optional
-            The measurement's error, where it differs from the model's.
-
+        A measurement, shape (m,), steers proposals that use it, which otherwise fall back to
+        prediction. It weights the particles too, by the model, unless `log_likelihood` does, which
+        takes states (N, n) and returns log p(z | x), shape (N,); without either the step is a pure
+        prediction. An error is given where the measurement's differs from the model's.
         """
         proposed = self.propose(measurement, dt, error)
         if log_likelihood is not None:

@@ -177,8 +177,7 @@ def multinomial(weights: FloatArray, count: int, rng: np.random.Generator) -> In
 
 
 RESAMPLERS: dict[str, Resampler] = {
-    'systematic': systematic, 'stratified': stratified, 'residual': residual,
-    'multinomial': multinomial}
+    scheme.__name__: scheme for scheme in (systematic, stratified, residual, multinomial)}
 
 
 def _checked_total(weights: FloatArray, count: int) -> float:

@@ -1,8 +1,7 @@
 """
 Sigma points: rules that replace the integral of a function over a Gaussian by a weighted sum.
 
-A rule is made for the standard Gaussian N(0, I) of some dimension; the points of N(mean, P) are
-`mean + L xi` with `L L^T = P`.
+A rule is for N(0, I) of some dimension; points of N(mean, P) are `mean + L xi`, `L L^T = P`.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from vtrack_ros.estimation.model import checked_count, checked_positive, FloatArray
 
+#: Points that a product rule may have; more would only fill the memory.
 MOST_POINTS = 1_000_000
-"""What a product rule may have; more would only fill the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +37,6 @@ class SigmaPointRule:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.points)
-
-    @property
-    def second_moment(self) -> FloatArray:
-        """Return `sum_i w_i xi_i xi_i^T`, shape (n, n): the identity, if the rule is any good."""
-        moment: FloatArray = (self.points.T * self.covariance_weights) @ self.points
-        return moment
 
 
 RuleFactory: TypeAlias = Callable[[int], SigmaPointRule]
