@@ -88,7 +88,7 @@ class GaussianFilter(ABC):
     def update(
             self, prior: Gaussian, measurement: FloatArray, time: float = 0.0,
             error: GaussianNoise | None = None) -> Correction:
-        """Return the beliefs after a measurement, (m,), at `time`, with R or an error of its own."""
+        """Return the beliefs after a measurement (m,) at `time`, with R or its own error."""
         self._check(prior)
         if np.shape(measurement) != (self.model.measurement_dimension,):
             raise ValueError(f'measurement must have the shape '
