@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from drawn_video import DrawnVideo, SIZE, TARGET
 import numpy as np
 import pytest
@@ -95,3 +97,13 @@ def test_other_colours_make_it_less_similar(seed):
                 for middle, side in zip(MIDDLE[::-1], TARGET[::-1]))
     other[box] = frame[box][..., ::-1]
     assert similarity(template, other) < 0.8 * similarity(template, frame)
+
+
+def test_the_share_of_the_colours_counts_by_its_fourth_root():
+    """Half the share of the first frame's; less than 0.3 of it counts as that."""
+    frame = DrawnVideo().frame(MIDDLE)
+    template = learned(frame)
+    for share, counted in ((1.0, 1.0), (0.5, 0.5), (0.1, 0.3)):
+        other = replace(template, colour=template.colour / share)
+        assert similarity(other, frame) == pytest.approx(
+            counted**0.25 * similarity(template, frame))

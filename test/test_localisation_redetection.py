@@ -151,6 +151,17 @@ def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
     assert len(over) == (1 if jumps else 5) and over[-1] and verdict.elsewhere
 
 
+@pytest.mark.parametrize('there, jumps', [(0.16, False), (0.18, True)])
+def test_a_jump_has_to_gain_enough(known, there, jumps):
+    """Here it's plausible; a twentieth more is what another place has to have, not less."""
+    redetection = search(known[0], Verifier(there), (5.0, 3.0), 36.0)
+    over = []
+    for count in range(1, 6):
+        frame = VIDEO.frame((HERE[0] + 5.0 * (36 + count), HERE[1] + 3.0 * (36 + count)))
+        over.append(redetection.update(frame, known[0], 0.12, 0.5, 1.0).over)
+    assert over[-1] is jumps and not any(over[:-1])
+
+
 def test_the_size_of_an_uncertain_target_is_bounded(known):
     """By half as much again, up and down, of the first width times the factor of before."""
     assert search(known[0], Verifier(0.0)).bounds(TARGET[0] / 2) == (2 / 1.5, 2 * 1.5)
