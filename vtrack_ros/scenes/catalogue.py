@@ -80,20 +80,10 @@ def render(name: str, size: tuple[int, int] | None = None, frames: int | None = 
     """
     Render a scene; ValueError if there's no such scene, or an argument is out of range.
 
-    Speeds and events are the same at any number of frames: fewer show the beginning of the story,
-    more let it run on, backwards and forwards.
-
-    Parameters
-    ----------
-    name : str
-        One of `scene_names()`.
-    size : tuple of int, [px], optional
-        Width and height, from 64 x 48 to 1920 x 1080; by default the scene's own.
-    frames : int, optional
-        How many; by default the whole story.
-    seed : int
-        Varies textures, clutter, small motions and noise, not the story.
-
+    Its own size in pixels, unless another from 64 x 48 to 1920 x 1080 is asked for. Speeds and
+    events are the same at any number of frames: fewer than the story has show its beginning, more
+    let it run on, backwards and forwards. The seed varies textures, clutter, small motions and
+    noise, not the story.
     """
     info = scene_info(name)
     width, height = (info.width, info.height) if size is None else size

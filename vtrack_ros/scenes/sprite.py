@@ -20,18 +20,17 @@ Motion = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a sprite stands in the world; the angle is clockwise, `aspect` its stretch."""
+    """Where a sprite stands in the world, how large and how turned (clockwise, in radians)."""
 
     x: float
     y: float
     scale: float = 1.0
     angle: float = 0.0
-    aspect: float = 1.0
 
     def matrix(self) -> Affine:
         """Return the map from the sprite's coordinates to the world's, shape (2, 3)."""
         cos, sin = self.scale * math.cos(self.angle), self.scale * math.sin(self.angle)
-        return np.array([[self.aspect * cos, -sin, self.x], [self.aspect * sin, cos, self.y]])
+        return np.array([[cos, -sin, self.x], [sin, cos, self.y]])
 
 
 def compose(outer: Affine, inner: Affine) -> Affine:
