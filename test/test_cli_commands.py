@@ -49,6 +49,18 @@ def test_help_needs_no_heavy_import():
     assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
 
 
+def test_the_node_needs_none_of_the_tools():
+    """What it imports holds neither the tools nor the libraries that they alone use."""
+    code = 'import sys; import vtrack_ros.ros.main; print(*sys.modules)'
+    modules = set(subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                                 check=True).stdout.split())
+    assert 'vtrack_ros.session' in modules
+    assert not modules & {'jinja2', 'matplotlib', 'joblib', 'tqdm', 'threadpoolctl', 'dask',
+                          'distributed', 'rosbags'}
+    assert not {'bags', 'cli', 'demo', 'evaluation', 'scenes'} & {
+        name.split('.')[1] for name in modules if name.startswith('vtrack_ros.')}
+
+
 @pytest.mark.parametrize('arguments, words', [
     ([], 'synth, import, play, replay'),
     (['sinth'], 'did you mean synth?'),

@@ -3,11 +3,13 @@
 import gc
 import json
 import math
+import os
 import subprocess
 import sys
 import weakref
 
-from evaluation_material import DeadlySequence, picture, truth_of, write_sequence, write_truth
+from evaluation_material import (
+    DeadlySequence, picture, SignedSequence, truth_of, write_sequence, write_truth)
 import numpy as np
 import pytest
 
@@ -82,6 +84,40 @@ def test_processes_change_nothing(folder):
     assert list(here.by_sequence) == ['First', 'Second']
     for tracker in trackers:
         assert list(here.runs('First', tracker)) == [0, 1]
+
+
+def test_dask_spreads_an_evaluation(folder):
+    """On a dask cluster's workers, both of them: the same figures, but for the times."""
+    pytest.importorskip('distributed', reason='needs distributed')
+    from distributed import Client
+    from joblib import parallel_config
+    found = [SignedSequence(one.name, one.truth, one.images) for one in find_sequences(folder)[0]]
+    here = as_json(evaluate(['pf'], folder, jobs=0))
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+        workers = {f'{pid}.pid' for pid in client.run(os.getpid).values()}
+        with parallel_config(backend='dask'):
+            there = as_json(evaluate(['pf'], found))
+    assert untimed(here) == untimed(there)
+    signed = {path.name for path in folder.rglob('*.pid')}
+    assert len(signed) == 2 and signed == workers
+
+
+def test_dask_that_is_missing(folder, monkeypatch, capsys):
+    """One line says what to install."""
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    assert main(['evaluate', '--sequences', str(folder), '--backend', 'dask']) == 1
+    assert 'pip install distributed' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('missing', ['joblib', 'tqdm', 'jinja2', 'matplotlib'])
+def test_library_that_is_missing(folder, tmp_path, missing, monkeypatch, capsys):
+    """One line says what to install."""
+    monkeypatch.setitem(sys.modules, missing, None)
+    for module in ('report', 'charts'):
+        monkeypatch.delitem(sys.modules, f'vtrack_ros.evaluation.{module}', raising=False)
+    assert main(['evaluate', '--sequences', str(folder), '--trackers', 'pf', '--jobs', '1',
+                 '--no-cache', '--html', str(tmp_path / 'page.html')]) == 1
+    assert f'pip install {missing}' in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_script_from_standard_input(folder):

@@ -1,4 +1,4 @@
-"""`vtrack play`: a bag on the air."""
+"""`vtrack play`: a bag over ROS."""
 
 from __future__ import annotations
 
