@@ -51,7 +51,7 @@ def test_help_needs_no_heavy_import():
 
 def test_the_node_needs_none_of_the_tools():
     """What it imports holds neither the tools nor the libraries that they alone use."""
-    code = 'import sys; import vtrack_ros.ros.main; print(*sys.modules)'
+    code = 'import sys; import vtrack_ros.ros.main, vtrack_ros.ros.lifecycle; print(*sys.modules)'
     modules = set(subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
                                  check=True).stdout.split())
     assert 'vtrack_ros.session' in modules
