@@ -131,20 +131,8 @@ class Film:
     Pictures of another size than the first one's are fitted into it. After an error there is no
     video: half of one looks like a whole one.
 
-    Parameters
-    ----------
-    folder : Path
-        Where `video.mp4` and `contact_sheet.png` go.
-    rate : float, [Hz]
-        The frames per second.
-    count : int
-        How many frames there are, at most.
-
-    Raises
-    ------
-    OSError
-        If a file can't be written.
-
+    `rate` is in frames per second, `count` how many frames there are, at most; a file that can't
+    be written is an OSError.
     """
 
     def __init__(self, folder: Path, rate: float, count: int) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 import threading
@@ -11,7 +11,7 @@ from typing import Any
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
-from vtrack_ros.bags.reader import BagReader, RawMessage
+from vtrack_ros.bags.reader import BagReader
 from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 
 #: How long the player waits for reliable subscribers to have what was sent, in seconds.
@@ -50,11 +50,10 @@ class Player:
     Parameters
     ----------
     node : rclpy.node.Node
-        Whose publishers are used.
     bag : BagReader
-        An open bag.
+        Open.
     topics : iterable of str, optional
-        Which topics to play; by default all.
+        By default all.
     names : mapping of str to str
         Topic in the bag -> topic to publish on, where they differ.
     reliability : {'auto', 'reliable', 'best_effort'}
@@ -111,15 +110,9 @@ class Player:
 
     def play(self, pace: Pace) -> Played:
         """
-        Publish until the end, or until `stop` is set.
+        Publish until the end, or until `stop` is set; BagError if the bag turns out to be broken.
 
         Every message has its time from the first one's, so that delays don't add up.
-
-        Raises
-        ------
-        BagError
-            If the bag turns out to be broken.
-
         """
         played = Played({self.published_name(topic.name): 0 for topic in self.topics})
         clock = self._clock_publisher() if pace.clock else None
@@ -136,7 +129,7 @@ class Player:
         began = time.monotonic()
         first: int | None = None
         tick = 0
-        for message in self._messages():
+        for message in self._bag.raw({topic.name for topic in self.topics}):
             first = message.received if first is None else first
             due = (message.received - first) / 1e9 / pace.rate
             while clock is not None and tick / pace.clock <= due:
@@ -149,9 +142,6 @@ class Player:
             self._publishers[message.topic].publish(bytes(message.data))
             played.counts[self.published_name(message.topic)] += 1
             played.images += message.topic in self._images
-
-    def _messages(self) -> Iterator[RawMessage]:
-        return self._bag.raw({topic.name for topic in self.topics})
 
     def _sleep_until(self, moment: float) -> bool:
         """Wait; return False if stopped."""

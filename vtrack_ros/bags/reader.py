@@ -62,12 +62,7 @@ class RawMessage:
 
 class BagReader:
     """
-    Reads a bag; a context manager.
-
-    Parameters
-    ----------
-    path : str or Path
-        A rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 .bag file.
+    Reads a rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 .bag; a context manager.
 
     Raises
     ------
@@ -155,12 +150,7 @@ class BagReader:
         Iterate over the messages of some topics, or of all, in the order of reception.
 
         Those of a ROS 1 bag are turned into ROS 2 messages; types unknown to Jazzy are left out.
-
-        Raises
-        ------
-        BagError
-            If the bag is broken, or ends before all promised messages came.
-
+        A bag that is broken, or ends before all promised messages came, is a BagError.
         """
         wanted = None if topics is None else set(map(absolute, topics))
         chosen = [connection for connection in self._reader.connections
@@ -191,21 +181,10 @@ class BagReader:
     def frames(self, topic: str | None = None,
                malformed: list[str] | None = None) -> Iterator[StampedFrame]:
         """
-        Iterate over the images of a topic.
+        Iterate over the images of a topic as `image_topic` finds it; errors as there and of `raw`.
 
-        Parameters
-        ----------
-        topic : str, optional
-            As in `image_topic`.
-        malformed : list of str, optional
-            Where messages go about images that can't be read, which are then left out.
-
-        Raises
-        ------
-        BagError
-            As `image_topic` and `raw`; and on the first image that can't be read, unless
-            `malformed` is given.
-
+        An image that can't be read is a BagError too, unless `malformed` is given: then it's left
+        out, and a message about it goes there.
         """
         chosen = self.image_topic(topic)
         for number, raw in enumerate(self.raw({chosen.name})):

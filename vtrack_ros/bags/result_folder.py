@@ -76,12 +76,7 @@ class ResultFolder:
         self._stack.__exit__(kind, error, trace)
 
     def write(self, step: Step) -> None:
-        """
-        Append a frame to the table, and to the bag what the node would publish.
-
-        In the table, in full precision, NaN and `waiting` stand where there is no target; in the
-        bag, detections of every image, and a pose where the target is measured.
-        """
+        """Append a frame to the table, in full precision, and to the bag as the node's output."""
         image, estimate = step.image, step.estimate
         values, state = [math.nan] * 6, WAITING
         if estimate is not None:

@@ -42,7 +42,7 @@ class BagWriter:
         The bag's folder, which must not exist yet.
     storage : {'mcap', 'sqlite3'}
     compression : {'none', 'png', 'jpeg'}
-        How images are stored: as Image, or as CompressedImage.
+        Without, images are stored as Image, else as CompressedImage.
 
     Raises
     ------

@@ -42,12 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run a command line.
 
-    Returns
-    -------
-    code : int
-        0, or 1 where something failed, 2 where the arguments or the input are wrong, 130 after
-        Ctrl-C.
-
+    Returns 0, or 1 where something failed, 2 where the arguments or the input are wrong, 130 after
+    Ctrl-C.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     try:

@@ -66,20 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """
-    Evaluate and print.
-
-    Returns
-    -------
-    code : int
-        0, or 1 where a sequence or a run was skipped because something is wrong with it.
-
-    Raises
-    ------
-    ValueError, TypeError
-        If an argument is wrong.
-
-    """
+    """Evaluate and print; return 1 where something is wrong with a sequence or a run, else 0."""
     trackers = parse_trackers(arguments.trackers)
     sequences, problems = _sequences(arguments)
     for problem in problems:

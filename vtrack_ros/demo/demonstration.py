@@ -109,15 +109,8 @@ def summarise(answers: Mapping[int, Answer], truth: Mapping[int, Box | None],
     """
     Return the figures of a run: as `StreamScore` has them, all frames' whereabouts, and latency.
 
-    Parameters
-    ----------
-    answers : mapping
-        Stamp -> what was heard.
-    truth : mapping
-        Stamp -> true box, None where the target is absent; empty without truth.
-    sent : int
-        How many frames the player published.
-
+    Takes answers and truth by stamp, as the recorder and the bag give them, and how many frames
+    the player published.
     """
     score = StreamScore(truth)
     received = {stamp: answers[stamp] for stamp in sorted(answers) if answers[stamp].received}

@@ -60,7 +60,7 @@ class Child:
         self.wait()
 
     def kill(self) -> None:
-        """End it at once."""
+        """End it at once, if it hasn't."""
         self._process.kill()
         self._process.wait()
 
@@ -74,16 +74,8 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
     """
     Play a bag to a node, and record what it answers.
 
-    Parameters
-    ----------
-    node : sequence of str
-        The node's ROS arguments.
-    player : sequence of str
-        The arguments of `vtrack play`.
-    folder : Path
-        Where the processes' logs go.
-    answered : callable
-        Called with the number of answered frames, whenever it grows.
+    Takes the node's ROS arguments and those of `vtrack play`, and a folder for the processes'
+    logs; `answered` is called with the number of answered frames, whenever it grows.
 
     Returns
     -------
@@ -124,8 +116,7 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
         return sent, recorder.answers
     finally:
         for child in children:
-            if child.running:
-                child.kill()
+            child.kill()
 
 
 def _frames_sent(player: Child) -> int:
