@@ -34,13 +34,8 @@ def read_image(path: Path) -> Frame:
     """
     Return an image file as a frame of shape (H, W, 3) in BGR order, grey ones too.
 
-    It's turned upright where the file says how the camera was held.
-
-    Raises
-    ------
-    SequenceError
-        If it can't be decoded.
-
+    It's turned upright where the file says how the camera was held. SequenceError if it can't be
+    decoded.
     """
     data = np.fromfile(path, np.uint8)
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
@@ -58,13 +53,8 @@ def read_ground_truth(path: Path) -> list[Box | None]:
     """
     Return the boxes of a ground truth, None where the target is absent.
 
-    Rows are x, y, width, height in pixels, 0-based, separated by commas, semicolons or blanks.
-
-    Raises
-    ------
-    SequenceError
-        If a row isn't four numbers, or there is none.
-
+    Rows are x, y, width, height in pixels, 0-based, separated by commas, semicolons or blanks;
+    SequenceError if one isn't four numbers, or there is none.
     """
     boxes = []
     try:

@@ -62,20 +62,9 @@ class BagSequence(Sequence):
 
 def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     """
-    Return a bag as a sequence, named as its file or folder.
+    Return a bag, of whose image topics one is chosen, as a sequence named as its file or folder.
 
-    Parameters
-    ----------
-    path : str or Path
-        As `vtrack_ros.bags.BagReader` takes it.
-    topic : str, optional
-        The image topic, where there are several.
-
-    Raises
-    ------
-    SequenceError
-        If the bag can't be read, or has no truth for an image after the first that has.
-
+    SequenceError if it can't be read, or has no truth for an image after the first that has.
     """
     path = Path(path)
     with BagReader(path) as bag:

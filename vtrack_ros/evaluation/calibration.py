@@ -91,22 +91,9 @@ def inside_ellipse(boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
     """
     Return 1 where the true centre is inside the ellipse of the covariance, 0 where it's outside.
 
-    Parameters
-    ----------
-    boxes, truth : ndarray, shape (n, 4), [px]
-        Row by row of the same frames.
-    covariances : ndarray, shape (n, 2, 2), [px^2]
-        Of the centre.
-    probability : float
-        What share of a normal distribution the ellipse holds: its squared Mahalanobis radius is
-        -2 log(1 - probability).
-
-    Returns
-    -------
-    inside : ndarray, shape (n,)
-        NaN where the truth is absent or the covariance not finite; a singular covariance holds
-        nothing.
-
+    The ellipse of the centre's covariances, shape (n, 2, 2) in px^2, holds that `probability` of a
+    normal distribution: its squared Mahalanobis radius is -2 log(1 - probability). NaN where the
+    truth is absent or the covariance not finite; a singular covariance holds nothing.
     """
     offset = center_offsets(boxes, truth)
     covariance = np.asarray(covariances, dtype=np.float64)

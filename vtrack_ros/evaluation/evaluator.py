@@ -49,7 +49,7 @@ def evaluate(
     trackers : iterable of str or TrackerSpecification
         Such as ``'pf'`` or ``'gmpf:particles=40'``.
     sequences : iterable of Sequence, or a folder
-        A folder as `find_sequences` takes it.
+        A folder as `find_sequences` takes it; broken ones are among the results' problems.
     seeds : int or iterable of int
         How many (then 0, 1, ...), or which. A tracker that ignores its seed runs with the first
         one alone.
@@ -59,11 +59,6 @@ def evaluate(
         Called with the number of runs done and of all.
     cache : RunCache, optional
         Where runs are taken from that were made before, and where new ones are kept.
-
-    Returns
-    -------
-    results : Results
-        A run that failed is among its `problems`, and so are broken sequence folders.
 
     Raises
     ------

@@ -113,8 +113,8 @@ class CamShift(OpenCVTracker):
 
     @classmethod
     def available(cls) -> bool:
-        """Return whether the OpenCV that is installed has it."""
-        return hasattr(cv2, 'CamShift')
+        """Return that every OpenCV has it."""
+        return True
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         hsv, mask = self._hue(frame)

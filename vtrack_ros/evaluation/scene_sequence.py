@@ -44,19 +44,8 @@ def scene_sequence(
     """
     Render a scene once for its truth, and return it as a sequence.
 
-    Parameters
-    ----------
-    scene, size, frames, seed
-        As `vtrack_ros.scenes.render` takes them, by default the scene's own.
-    name : str, optional
-        What it's called in tables; by default the scene's name, with what differs from the
-        scene's defaults.
-
-    Raises
-    ------
-    ValueError
-        If there is no such scene, or an argument is out of range.
-
+    Its name in tables is by default the scene's name, with what differs from the scene's defaults;
+    the other arguments and errors are those of `vtrack_ros.scenes.render`.
     """
     digest = hashlib.sha256()
     boxes = []

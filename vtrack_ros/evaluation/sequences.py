@@ -111,13 +111,8 @@ def read_folder(folder: Path) -> list[FolderSequence]:
     Return the sequences of one folder, one for each ground truth in it.
 
     `groundtruth_rect.txt` is the target named as the folder; `groundtruth_rect.2.txt` is a second
-    target in the same video, named NAME.2, and so on.
-
-    Raises
-    ------
-    SequenceError
-        If the images or the truth are missing, don't fit each other or can't be understood.
-
+    target in the same video, named NAME.2, and so on. SequenceError if images or truth are
+    missing, don't fit each other or can't be understood.
     """
     images = image_files(folder)
     files = ground_truth_files(folder)
@@ -136,25 +131,10 @@ def read_folder(folder: Path) -> list[FolderSequence]:
 
 def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
     """
-    Return the sequences below a folder, and what is wrong with those that can't be used.
+    Return the sequences of a folder of sequence folders, or of one, sorted by name.
 
-    Parameters
-    ----------
-    root : Path
-        A folder of sequence folders, or one sequence folder.
-
-    Returns
-    -------
-    sequences : list of Sequence
-        Sorted by name.
-    broken : dict
-        Name of a folder -> what's wrong with it.
-
-    Raises
-    ------
-    SequenceError
-        If it isn't a folder, or nothing in it looks like a sequence.
-
+    Also returns name -> what's wrong for those that can't be used; SequenceError if it isn't a
+    folder, or nothing in it looks like a sequence.
     """
     if not root.is_dir():
         raise SequenceError(f'{root}: no such folder')

@@ -28,11 +28,7 @@ class StreamScore:
     """
     Gathers what a tracker answered, frame by frame.
 
-    Parameters
-    ----------
-    truth : mapping
-        Stamp in nanoseconds -> true box, None where the target is absent; empty without truth.
-
+    `truth` is stamp in nanoseconds -> true box, None where the target is absent; empty without.
     """
 
     def __init__(self, truth: Mapping[int, Box | None]) -> None:
@@ -45,19 +41,9 @@ class StreamScore:
     def add(self, stamp: int, found: Box | None, *, given: bool = False,
             milliseconds: float | None = None) -> None:
         """
-        Count a frame in.
+        Count in the frame of a stamp in nanoseconds, with the box that was measured or `given`.
 
-        Parameters
-        ----------
-        stamp : int, [ns]
-            The image's.
-        found : Box or None
-            The measured box; None where none was measured.
-        given : bool
-            Whether the tracker was told the box of this frame.
-        milliseconds : float, optional
-            How long the tracker took, where that tells of its speed.
-
+        The milliseconds that the tracker took are left out where they don't tell of its speed.
         """
         self._stamps.append(stamp)
         self._found.append(found)
