@@ -1,6 +1,8 @@
-"""Which packages import which: the contract in .importlinter."""
+"""Which packages import which (the contract in .importlinter), and names of their own."""
 
+from collections import Counter
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -19,3 +21,13 @@ def test_import_contract(repository: Path) -> None:
         [sys.executable, '-c', SCRIPT, '--no-cache', '--no-logo'], cwd=repository,
         capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
+
+
+def test_names(repository: Path) -> None:
+    """A module has a name of its own in the whole package, and so has a class."""
+    paths = [path for path in (repository / 'vtrack_ros').rglob('*.py')
+             if path.stem not in ('__init__', '__main__')]
+    classes = [name for path in paths
+               for name in re.findall(r'^class (\w+)', path.read_text(), re.MULTILINE)]
+    names = Counter([path.stem for path in paths]) + Counter(classes)
+    assert [name for name, count in names.items() if count > 1] == []
