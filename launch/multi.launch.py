@@ -48,6 +48,9 @@ def node(path, namespace, target):
     if unknown:
         raise ValueError(f'{path}: {namespace}: unknown {", ".join(sorted(unknown))}; valid are '
                          + ', '.join(KEYS))
+    file = target.get('params_file')
+    if file and not os.path.isfile(file):
+        raise FileNotFoundError(f'{path}: {namespace}: params_file {file} does not exist')
     parameters = dict(target.get('parameters') or {})
     # Nothing is nothing: launch has no type for an empty list.
     try:
@@ -61,7 +64,7 @@ def node(path, namespace, target):
     profile = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
     return Node(
         package='vtrack_ros', executable='tracker', name='tracker', namespace=namespace,
-        parameters=[*filter(None, [target.get('params_file'), parameters])],
+        parameters=[*filter(None, [file, parameters])],
         remappings=[(name, target[key]) for name, key in sources.items() if target.get(key)],
         additional_env={'FASTRTPS_DEFAULT_PROFILES_FILE': profile,
                         'FASTDDS_DEFAULT_PROFILES_FILE': profile},

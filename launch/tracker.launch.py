@@ -50,6 +50,8 @@ def nodes(context):
     parameters = {name: given[name] for name in ('tracker', 'image_transport') if given[name]}
     if given['use_sim_time']:
         parameters['use_sim_time'] = yes(given['use_sim_time'])
+    if given['params_file'] and not os.path.isfile(given['params_file']):
+        raise FileNotFoundError(f"params_file {given['params_file']} does not exist")
     box = target(given['init_box'])
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()

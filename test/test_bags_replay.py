@@ -1,6 +1,7 @@
 """Replaying a bag: the same boxes every time, and the figures that belong to them."""
 
 import csv
+from dataclasses import replace as changed
 import json
 
 import numpy as np
@@ -175,6 +176,15 @@ def test_stamps_that_go_backwards(face):
     assert [step.started for step in steps] == 2 * ([True] + [False] * 11)
     boxes = [step.estimate.box for step in steps]
     assert boxes[:12] == boxes[12:]
+
+
+def test_late_image(face):
+    """One whose stamp steps back is left out, and the target is kept."""
+    images, truth = face
+    late = changed(images[8], stamp=images[7].stamp - 75_000_000)
+    steps = list(replay([*images[:8], late, *images[9:12]], TrackingSession('pf'), truth))
+    assert [step.started for step in steps] == [True] + [False] * 10
+    assert all(step.estimate is not None for step in steps)
 
 
 def test_size_that_changes(face):

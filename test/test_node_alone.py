@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CompressedImage, Image, RegionOfInterest
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
 SCENE = Scene()
 BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
@@ -40,6 +40,44 @@ def test_wrong_type_on_the_image_topic_is_said():
     with NodeProcess() as process, Client(publish=CompressedImage) as client:
         process.wait_for_log('sends sensor_msgs/msg/CompressedImage, not sensor_msgs/msg/Image')
         assert client.images is not None
+
+
+def test_every_input_takes_what_its_publisher_offers():
+    """A best-effort calibration is used; another type on a selection is named."""
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with NodeProcess(init_box=BOX) as process, Client() as client:
+        client.hear('/diagnostics', DiagnosticArray)
+        client.ready()
+        camera = client.node.create_publisher(CameraInfo, '/camera_info', best_effort)
+        process.wait_for_log('/camera_info: subscribed best_effort')
+        client.until(camera.get_subscription_count, 'nobody takes the calibration')
+        message = CameraInfo(width=SCENE.width, height=SCENE.height)
+        message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
+        index = 0
+
+        def calibrated():
+            nonlocal index
+            index += 1
+            camera.publish(message)
+            answer = client.send(SCENE.frame(index), 10**9 + STEP * index)
+            return client.state_after(answer)['pose_units'] == 'ray'
+        client.until(calibrated, 'no ray')
+        client.node.create_publisher(Image, '/tracker/init_roi', 1)
+        diagnosis(client, '/tracker: images', lambda row, values: (
+            '/tracker/init_roi' in values['QoS mismatches'] and row.level == b'\x02'))
+
+
+def test_two_cameras_on_one_topic_are_told_once():
+    """Their images would be taken as one stream."""
+    with NodeProcess() as process, Client() as client, Client() as other:
+        client.ready()
+        process.wait_for_log('/image has 2 publishers')
+        other.ready()
+        heard = client.heard['~/state']
+        del heard[:]
+        # Three seconds' worth of what an idle node says.
+        client.until(lambda: len(heard) >= 3, 'no state')
+        assert process.log.count('publishers: their images') == 1
 
 
 def test_first_line_says_what_to_do():

@@ -148,10 +148,11 @@ def values(node):
     return next((row for row in node.parameters if isinstance(row, dict)), {})
 
 
-def test_launch_passes_on_what_is_given(launched):
+def test_launch_passes_on_what_is_given(launched, repository):
     """What isn't said is left to the parameter file, or to the node's defaults."""
-    node, = launched('tracker.launch.py', params_file='mine.yaml')
-    assert node.parameters[0] == 'mine.yaml' and values(node) == {}
+    file = str(repository / 'config' / 'pf.yaml')
+    node, = launched('tracker.launch.py', params_file=file)
+    assert node.parameters[0] == file and values(node) == {}
     assert node.remappings == []
     node, = launched(
         'tracker.launch.py', tracker='pf', image='/camera', image_transport='compressed',
@@ -180,19 +181,20 @@ def test_launch_refuses_what_is_no_box(launched, text):
 
 def test_launch_of_several_targets(launched, tmp_path):
     """Each has its namespace, and all that is said of it and no more."""
-    path = tmp_path / 'targets.yaml'
-    path.write_text("""
+    path, mine = tmp_path / 'targets.yaml', tmp_path / 'mine.yaml'
+    mine.touch()
+    path.write_text(f"""
 left:
   image: /camera
-  params_file: mine.yaml
-  parameters: {init_box: [1, 2, 30, 40], gmpf: {particles: 50}}
+  params_file: {mine}
+  parameters: {{init_box: [1, 2, 30, 40], gmpf: {{particles: 50}}}}
 right:
-  parameters: {init_box: []}
+  parameters: {{init_box: []}}
 third:
 """)
     left, right, third = launched('multi.launch.py', targets=str(path))
     assert (left.namespace, right.namespace, third.namespace) == ('left', 'right', 'third')
-    assert left.parameters[0] == 'mine.yaml'
+    assert left.parameters[0] == str(mine)
     assert values(left) == {'init_box': [1.0, 2.0, 30.0, 40.0], 'gmpf': {'particles': 50}}
     assert sorted(left.remappings) == [('image', '/camera'), ('image/compressed', '/camera')]
     assert values(right) == values(third) == {}
@@ -200,6 +202,23 @@ third:
     path.write_text('left: {parameters: {init_box: [1, 2]}}')
     with pytest.raises(ValueError, match='targets.yaml: left: init_box has 2 values'):
         launched('multi.launch.py', targets=str(path))
+
+
+def test_launch_refuses_a_file_that_is_not_there(launched, tmp_path):
+    """Whoever mistypes it hears of it before a node runs with other parameters."""
+    with pytest.raises(FileNotFoundError, match='params_file nowhere.yaml does not exist'):
+        launched('tracker.launch.py', params_file='nowhere.yaml')
+    path = tmp_path / 'targets.yaml'
+    path.write_text('left: {params_file: nowhere.yaml}')
+    with pytest.raises(FileNotFoundError, match='left: params_file nowhere.yaml does not exist'):
+        launched('multi.launch.py', targets=str(path))
+
+
+def test_compressed_images_beside_the_raw_ones():
+    """A remap of image alone moves what the transport puts beside it."""
+    with NodeProcess('-r', 'image:=/camera/image_raw', '-r', '__ns:=/arm',
+                     image_transport='compressed') as process:
+        process.wait_for_log('images are taken from /camera/image_raw/compressed')
 
 
 def test_image_topic_is_that_of_the_transport():

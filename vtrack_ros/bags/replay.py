@@ -9,6 +9,7 @@ import time
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import StampedFrame
 from vtrack_ros.geometry import Box
+from vtrack_ros.session.frame_flow import Arrival, FrameFlow
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate
 
@@ -33,7 +34,7 @@ class Step:
 def replay(images: Iterable[StampedFrame], session: TrackingSession,
            truth: Mapping[int, Box | None], box: Box | None = None) -> Iterator[Step]:
     """
-    Follow a target through images, as the node would that drops none of them.
+    Follow a target through images, as the node would that drops none but late ones.
 
     Parameters
     ----------
@@ -53,13 +54,16 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
         If neither a box nor the truth says where the target is, or nothing of it is in the image.
 
     """
-    last: int | None = None
+    flow = FrameFlow()
     waiting = True
     for image in images:
-        if last is not None and image.stamp < last:
+        arrival = flow.arrived(image.stamp, 0)
+        if arrival is Arrival.LATE:
+            continue
+        if arrival is not Arrival.NEXT:
             session.forget()
             waiting = True
-        last = image.stamp
+            box = box if arrival is Arrival.BEGINNING else None
         first = (box or truth.get(image.stamp)) if waiting else None
         began = time.perf_counter()
         if first is not None:
@@ -73,6 +77,6 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
         taken = (time.perf_counter() - began) * 1e3
         yield Step(image, estimate, taken, started=first is not None)
         waiting = waiting and first is None
-    if waiting and last is not None:
+    if waiting and flow.received:
         raise BagError('nothing says where the target is: the bag has no true box for any image; '
                        'give --init X,Y,WIDTH,HEIGHT')
