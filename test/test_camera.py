@@ -36,8 +36,8 @@ def test_pinhole_ray_in_exact_numbers():
     camera_info does; 100 px to the right of it at fx = 500 px is x = 0.2, 80 px up at
     fy = 400 px is y = -0.2.
     """
-    assert PINHOLE.ray(320.0, 240.0) == (0.0, 0.0)
-    assert PINHOLE.ray(420.0, 160.0) == (0.2, -0.2)
+    assert PINHOLE.ray(320.0, 240.0) == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert PINHOLE.ray(420.0, 160.0) == pytest.approx((0.2, -0.2), abs=1e-15)
     position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE)
     assert position.units == 'ray'
     assert position.point == pytest.approx([0.2, -0.2, 1.0], abs=1e-15)

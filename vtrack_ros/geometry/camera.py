@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.geometry.box import Box
 
 Vector = NDArray[np.float64]
+
+# OpenCV's own iteration, until nothing changes.
+_CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-14)
 
 #: How many coefficients each distortion model has.
 MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8,), 'equidistant': (4,)}
@@ -75,34 +79,25 @@ class Camera:
 
         In pixels as a `Box` counts them: from the outer corner of the first pixel.
         """
-        x, y = self._distorted(x, y)
-        column = (self.fx * x + self.cx + 0.5 - self.offset[0]) / self.binning[0]
-        row = (self.fy * y + self.cy + 0.5 - self.offset[1]) / self.binning[1]
-        return column, row
+        place = np.array([[[x, y, 1.0]]]), np.zeros(3), np.zeros(3), self._matrix, self._distortion
+        projection = (cv2.fisheye.projectPoints if self.model == 'equidistant'
+                      else cv2.projectPoints)
+        column, row = projection(*place)[0].ravel()
+        return (float(column + 0.5 - self.offset[0]) / self.binning[0],
+                float(row + 0.5 - self.offset[1]) / self.binning[1])
 
     def ray(self, column: float, row: float) -> tuple[float, float]:
         """
         Return x and y of the ray at depth 1 that a place on the image sees.
 
-        Parameters
-        ----------
-        column, row : float, [px]
-            From the outer corner of the first pixel.
-
-        Returns
-        -------
-        x, y : float
-            NaN where the lens model has no such ray: far outside the image it may bend back.
-
+        NaN where the lens model has no such ray: far outside the image it may bend back.
         """
-        (x, y), _ = self.ray_and_slope(column, row)
-        return x, y
+        x, y = self.ray_and_slope(column, row)[0]
+        return float(x), float(y)
 
-    def ray_and_slope(self, column: float, row: float) -> tuple[tuple[float, float], Vector]:
+    def ray_and_slope(self, column: float, row: float) -> tuple[Vector, Vector]:
         """
-        Return a ray as `ray` does, and its derivative by the place on the image.
-
-        Newton's method on the distortion; the derivative of an inverse is the inverse derivative.
+        Return the ray that a place on the image sees, and its derivative by the place.
 
         Parameters
         ----------
@@ -111,67 +106,44 @@ class Camera:
 
         Returns
         -------
-        ray : tuple of float
+        ray : ndarray, shape (2,)
             x and y at depth 1.
         slope : ndarray, shape (2, 2), [1/px]
             Of x and y (rows) by column and row (columns).
 
         """
-        scale_x, scale_y = self.binning[0] / self.fx, self.binning[1] / self.fy
-        wanted_x = (column * self.binning[0] + self.offset[0] - 0.5 - self.cx) / self.fx
-        wanted_y = (row * self.binning[1] + self.offset[1] - 0.5 - self.cy) / self.fy
-        if not self.coefficients:
-            return (wanted_x, wanted_y), np.array([[scale_x, 0.0], [0.0, scale_y]])
-        x, y = wanted_x, wanted_y
-        for _ in range(30):
-            bent_x, bent_y = self._distorted(x, y)
-            (xx, xy), (yx, yy) = self._bend(x, y)
-            determinant = xx * yy - xy * yx
-            if not (math.isfinite(determinant) and abs(determinant) > 1e-12):
-                break
-            error_x, error_y = bent_x - wanted_x, bent_y - wanted_y
-            step_x = (yy * error_x - xy * error_y) / determinant
-            step_y = (xx * error_y - yx * error_x) / determinant
-            x, y = x - step_x, y - step_y
-            if max(abs(step_x), abs(step_y)) < 1e-13:
-                break
-        bent_x, bent_y = self._distorted(x, y)
-        (xx, xy), (yx, yy) = self._bend(x, y)
-        determinant = xx * yy - xy * yx
+        step = 1e-2
+        around = np.array([[0, 0], [step, 0], [-step, 0], [0, step], [0, -step]])
+        rays = self._undistorted(np.array([column, row]) + around)
+        slope = np.column_stack([rays[1] - rays[2], rays[3] - rays[4]]) / (2 * step)
+        back = self.project(*rays[0]) if np.isfinite(rays).all() else (math.nan, math.nan)
         # A lens doesn't turn the image inside out; a model does, beyond its reach.
-        upright = xx + yy > 0 and determinant > 0
-        if not (upright and max(abs(bent_x - wanted_x), abs(bent_y - wanted_y)) < 1e-9):
-            return (math.nan, math.nan), np.full((2, 2), math.nan)
-        return (x, y), np.array([[yy * scale_x, -xy * scale_y],
-                                 [-yx * scale_x, xx * scale_y]]) / determinant
+        upright = slope[0, 0] > 0 and np.linalg.det(slope) > 0
+        if not (upright and max(abs(back[0] - column), abs(back[1] - row)) < 1e-6):
+            return np.full(2, math.nan), np.full((2, 2), math.nan)
+        return rays[0], slope
 
-    def _bend(self, x: float, y: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return the derivative of the distortion, row by row, by central differences."""
-        step = 1e-6
-        right, left = self._distorted(x + step, y), self._distorted(x - step, y)
-        below, above = self._distorted(x, y + step), self._distorted(x, y - step)
-        return (((right[0] - left[0]) / (2 * step), (below[0] - above[0]) / (2 * step)),
-                ((right[1] - left[1]) / (2 * step), (below[1] - above[1]) / (2 * step)))
+    def _undistorted(self, places: Vector) -> Vector:
+        """Return x and y at depth 1 of the rays through places on the image, both (n, 2)."""
+        sensor = places * self.binning + np.asarray(self.offset) - 0.5
+        points = sensor[:, None]
+        if self.model == 'equidistant' and self.coefficients:
+            rays = cv2.fisheye.undistortPoints(
+                points, self._matrix, self._distortion, criteria=_CRITERIA)
+        else:
+            # Older versions take the criteria in a function of its own.
+            undistort = getattr(cv2, 'undistortPointsIter', cv2.undistortPoints)
+            rays = undistort(points, self._matrix, self._distortion, R=None, P=None,
+                             criteria=_CRITERIA)
+        return np.asarray(rays, np.float64).reshape(-1, 2)
 
-    def _distorted(self, x: float, y: float) -> tuple[float, float]:
-        d = self.coefficients
-        if not d:
-            return x, y
-        squared = x * x + y * y
-        if self.model == 'equidistant':
-            radius = math.sqrt(squared)
-            if radius < 1e-12:
-                return x, y
-            angle = math.atan(radius)
-            t = angle * angle
-            scale = angle * (1 + t * (d[0] + t * (d[1] + t * (d[2] + t * d[3])))) / radius
-            return x * scale, y * scale
-        k3 = d[4] if len(d) > 4 else 0.0
-        radial = 1 + squared * (d[0] + squared * (d[1] + squared * k3))
-        if len(d) == 8:
-            radial /= 1 + squared * (d[5] + squared * (d[6] + squared * d[7]))
-        return (x * radial + 2 * d[2] * x * y + d[3] * (squared + 2 * x * x),
-                y * radial + d[2] * (squared + 2 * y * y) + 2 * d[3] * x * y)
+    @property
+    def _matrix(self) -> Vector:
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def _distortion(self) -> Vector:
+        return np.array(self.coefficients or (0.0,) * 4)
 
 
 def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str = 'auto',
