@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+from bag_material import write_short_bag
 import numpy as np
 import pytest
 
@@ -172,9 +173,9 @@ def test_parameters_are_listed(capsys):
 
 def test_a_box_may_begin_with_a_minus(repository, tmp_path, capsys):
     """A target that reaches beyond the left border needs no other spelling."""
-    results = []
+    results, bag = [], write_short_bag(tmp_path / 'short', repository)
     for box in (['--init', '-10,5,40,30'], ['--init=-10,5,40,30']):
-        assert main(['replay', str(repository / 'bags' / 'face_fast'), '--tracker', 'pf', '--out',
+        assert main(['replay', str(bag), '--tracker', 'pf', '--out',
                      str(tmp_path / str(len(results))), '--no-video', *box]) == 0
         results.append((tmp_path / str(len(results)) / 'results.csv').read_bytes())
     assert results[0] == results[1]
@@ -183,9 +184,9 @@ def test_a_box_may_begin_with_a_minus(repository, tmp_path, capsys):
 
 def test_a_parameter_may_have_its_node_name(repository, tmp_path, capsys):
     """Configuration files say pf.particles, and so may --set."""
-    results = []
+    results, bag = [], write_short_bag(tmp_path / 'short', repository)
     for name in ('pf.particles', 'particles'):
-        assert main(['replay', str(repository / 'bags' / 'face_fast'), '--tracker', 'pf', '--set',
+        assert main(['replay', str(bag), '--tracker', 'pf', '--set',
                      f'{name}=30', '--out', str(tmp_path / name),
                      '--no-video']) == 0
         results.append((tmp_path / name / 'results.csv').read_bytes())
