@@ -16,8 +16,8 @@ class GreyReplica(BoxParticleFilter):
 
     Printed: from frame m on, particles come from N(g_k, P_k), g_k the forecast of each component
     of the state by GM(1,1) from the last m estimates (eqs 9-16), P_k the spread of the previous
-    particles about it (eq. 17); they are weighted by the likelihood (sec. 4, step 3), of the
-    estimate's definition with prior over proposal (eq. 5; `weighting=full`).
+    particles about it (eq. 17). The algorithm weights by the likelihood (sec. 4, step 3), eq. 5
+    by prior over proposal too: `weighting` has both.
 
     Misprints, mended always, for nothing can be run with them: eqs 14 and 16, see
     `estimation.grey`. GM(1,1) isn't defined for a series that isn't positive, and the paper

@@ -41,7 +41,8 @@ class MeasuredParticleFilter(BoxParticleFilter):
     covariance; one that is kept counts the doubt about x_prev twice, in itself and in the spread
     of the particles. And the weight is the likelihood's alone, for the measurement and the
     likelihood are of the same pixels, and a ratio of densities in six dimensions leaves weight to
-    few particles; `weighting=full` has it. `as_printed` has both as printed.
+    few particles; `weighting=full` has it. `as_printed` has both as printed. The estimate is the
+    weighted mean before resampling, of which [Qi2012, sec. 2.2 f] takes a sample.
     """
 
     PARAMETERS = BOX_PARAMETERS + WEIGHTING + _PRINTED_FILTER
