@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import colorsys
 import math
 
 import numpy as np
@@ -114,20 +113,6 @@ def test_the_reference_of_a_box_across_the_border_is_normalised():
     frame = random_frame()
     reference = ColourHistogram().reference(frame, np.array([0.0, 30.0, 24.0, 24.0]))
     assert reference.sum() == pytest.approx(1)
-
-
-def test_hue_doesnt_change_with_brightness():
-    """In HSV a colour and its darker shade share their bins of hue and saturation."""
-    histogram = ColourHistogram(space='hsv')
-    box = np.array([20.0, 20.0, 20.0, 20.0])
-    levels = []
-    for value in (0.9, 0.4):
-        red, green, blue = colorsys.hsv_to_rgb(0.45, 0.75, value)
-        frame = np.full((40, 40, 3), [round(255 * c) for c in (blue, green, red)], np.uint8)
-        level = int(histogram.reference(frame, box).argmax())
-        levels.append(divmod(level, 6))
-    assert levels[0][0] == levels[1][0] == int(0.45 * 6) * 6 + int(0.75 * 6)
-    assert [value for _, value in levels] == [int(0.9 * 6), int(0.4 * 6)]
 
 
 def test_large_boxes_are_sampled_by_the_same_number_of_points():

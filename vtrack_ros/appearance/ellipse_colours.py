@@ -92,21 +92,10 @@ class EllipseColours:
     def create(cls, frame: Frame, center: Array, matrix: Array, levels: int = 16,
                weighted: bool = True) -> EllipseColours:
         """
-        Learn the colours of a target.
+        Learn the colours of the target in an ellipse, (2,) and (2, 2), [px].
 
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-            An image that shows it.
-        center : ndarray, shape (2,), [px]
-            The ellipse's centre (x, y).
-        matrix : ndarray, shape (2, 2), [px]
-            The ellipse's frame.
-        levels : int
-            Of each channel; a power of 2. A grey frame has 32 levels.
-        weighted : bool
-            Whether colours that the surroundings share count less.
-
+        `levels` is that of each channel, a power of 2 (a grey frame has 32); `weighted` is whether
+        colours that the surroundings share count less.
         """
         count = levels**3 if frame.ndim == 3 else _GREY_LEVELS
         inside = _colours(frame, *_spread(center, matrix, _ELLIPSE), levels)
@@ -128,24 +117,7 @@ class EllipseColours:
         return replace(self, histogram=self.histogram + rate * (seen - self.histogram))._indexed()
 
     def coefficients(self, frame: Frame, centers: Array, matrix: Array) -> Array:
-        """
-        Return the Bhattacharyya coefficients of candidates with the target [Yin2013, eq. 5].
-
-        Parameters
-        ----------
-        frame : ndarray of uint8
-            The image.
-        centers : ndarray, shape (N, 2), [px]
-            The candidates' centres.
-        matrix : ndarray, shape (2, 2), [px]
-            All candidates' frame.
-
-        Returns
-        -------
-        ndarray, shape (N,)
-            In [0, 1].
-
-        """
+        """Return the candidates' Bhattacharyya coefficients, shape (N,) [Yin2013, eq. 5]."""
         # x and y apart: sums over a last axis of two take five times as long
         (x, y), (columns, rows) = centers.T, _spread(np.zeros(2), matrix, _ELLIPSE)
         found = self._found(frame, x[:, None] + columns, y[:, None] + rows)
@@ -185,15 +157,9 @@ class EllipseColours:
         Return by which matrix A the target changed its form: its frame is `B A` now.
 
         The second moment of the weights [Yin2013, eq. 11], here over an ellipse 1.4 times as
-        large, relative to what it was at the start. For a target of colours that
-        the background lacks, this is the printed moment times `4 / sigma^2`: without the factor
-        an unchanged target would grow by 1.56 each time.
-
-        Returns
-        -------
-        ndarray, shape (2, 2)
-            Symmetric; the identity where nothing changed.
-
+        large, relative to what it was at the start: for a target of colours that the background
+        lacks, the printed moment times `4 / sigma^2`. A is symmetric, and the identity where
+        nothing changed.
         """
         moment = self._moment(frame, center, matrix, _REGION)
         return square_root(self.moment @ moment @ self.moment)
@@ -205,12 +171,6 @@ class EllipseColours:
         The new bandwidth matrix is the second moment of the weights over the ellipse. A target of
         colours that the background lacks ends in an ellipse 1.25 times as large as itself; one
         that shares its colours with the background grows by that factor each time.
-
-        Returns
-        -------
-        ndarray, shape (2, 2)
-            Symmetric.
-
         """
         return SIGMA * square_root(self._moment(frame, center, matrix, _ELLIPSE))
 

@@ -15,20 +15,10 @@ _LEAST = 1e-12
 
 def reliability(likelihoods: Array) -> Array:
     """
-    Return each cue's reliability: its contrast over the hypotheses.
+    Return each cue's reliability, shape (cues,), of likelihoods (cues, N) in [0, 1].
 
-    A cue that gives all hypotheses the same likelihood tells nothing about them.
-
-    Parameters
-    ----------
-    likelihoods : ndarray, shape (cues, N)
-        In [0, 1]; a row of NaN is a cue that abstains.
-
-    Returns
-    -------
-    ndarray, shape (cues,)
-        1 - mean / maximum, in [0, 1]; 0 for a cue that abstains, or finds all impossible.
-
+    It's the contrast over the hypotheses, 1 - mean / maximum: a cue that gives all the same
+    likelihood tells nothing about them. 0 for one that abstains (NaN), or finds all impossible.
     """
     highest = likelihoods.max(axis=1)
     contrast = np.where(highest > 0, 1 - likelihoods.mean(axis=1) / np.maximum(highest, _LEAST), 0)
@@ -60,18 +50,8 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
     (Shafer's discounting). [Qi2012, eq. 18] prints a denominator with which the second cue
     cancels; for r = 1 this is what the rule gives, `p q / (p q + (1 - p)(1 - q))`.
 
-    Parameters
-    ----------
-    likelihoods : ndarray, shape (cues, N)
-        In [0, 1].
-    reliabilities : ndarray, shape (cues,)
-        In [0, 1].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        The log of the pignistic probability of target: its mass and half of the unknown.
-
+    Returns the log of the pignistic probability of target, shape (N,): its mass and half of the
+    unknown.
     """
     target = np.zeros(likelihoods.shape[1])
     other = np.zeros(likelihoods.shape[1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,8 +24,6 @@ class ColourHistogram:
     bins : int
         Levels a channel: the paper's 6 x 6 x 6 [Zhu2012, sec. 5] by default; a grey frame has
         `bins` squared levels.
-    space : str
-        ``'rgb'`` or ``'hsv'``.
     kernel : str
         ``'flat'``, or ``'epanechnikov'`` for the profile 1 - r^2 on the inscribed ellipse
         [Qi2012, eq. 5].
@@ -35,9 +32,8 @@ class ColourHistogram:
 
     """
 
-    def __init__(self, bins: int = 6, space: str = 'rgb', kernel: str = 'flat',
-                 grid: int = 12) -> None:
-        self.bins, self.space, self.grid = bins, space, grid
+    def __init__(self, bins: int = 6, kernel: str = 'flat', grid: int = 12) -> None:
+        self.bins, self.grid = bins, grid
         offsets = _offsets(grid)
         radius2 = 4 * (offsets[:, None]**2 + offsets[None, :]**2)
         weights = np.ones((grid, grid)) if kernel == 'flat' else np.maximum(0.0, 1 - radius2)
@@ -50,24 +46,7 @@ class ColourHistogram:
 
     def coefficients(self, frame: Frame, boxes: Boxes,
                      reference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return each box's Bhattacharyya coefficient with a reference.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-            The image.
-        boxes : ndarray, shape (N, 4), [px]
-            (centre x, centre y, width, height).
-        reference : ndarray, shape (bins,)
-            A normalised histogram.
-
-        Returns
-        -------
-        ndarray, shape (N,)
-            In [0, 1].
-
-        """
+        """Return the boxes' Bhattacharyya coefficients with a reference, shape (N,), in [0, 1]."""
         result: NDArray[np.float64] = np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
         return result
 
@@ -94,8 +73,6 @@ class ColourHistogram:
             return np.zeros((0, 0), np.intp), left, top, stride
         if pixels.ndim == 2:
             return (pixels.astype(np.intp) * self._levels(frame)) >> 8, left, top, stride
-        if self.space == 'hsv':
-            pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2HSV_FULL)
         table = (np.arange(256) * self.bins) >> 8
         index = (table[pixels[:, :, 0]] * self.bins + table[pixels[:, :, 1]]) * self.bins
         return index + table[pixels[:, :, 2]], left, top, stride
@@ -104,26 +81,10 @@ class ColourHistogram:
 def sampled_histograms(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int,
                        weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return the histogram of each box over an image of bin numbers.
+    Return the histogram of each box over an image of bin numbers, shape (N, levels).
 
-    Parameters
-    ----------
-    index : ndarray of intp, shape (rows, columns)
-        Below `levels`.
-    levels : int
-        The number of bins.
-    boxes : ndarray, shape (N, 4)
-        In pixels of `index`.
-    grid : int
-        Sample points along each side of a box.
-    weights : ndarray, shape (grid * grid,)
-        Of the sample points.
-
-    Returns
-    -------
-    ndarray, shape (N, levels)
-        Of sum <= 1: points outside the image are missing.
-
+    Boxes are in pixels of `index`, and sampled at `grid` times `grid` points of those weights;
+    points outside the image are missing.
     """
     count = len(boxes)
     if not index.size:

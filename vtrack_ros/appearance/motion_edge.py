@@ -44,17 +44,7 @@ class MotionEdge:
         self._origin = (0, 0)
 
     def advance(self, frame: Frame, region: tuple[int, int, int, int]) -> None:
-        """
-        Take the next frame; only a region of it is looked at.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-            The image.
-        region : tuple of int, [px]
-            (left, top, right, bottom), inside the frame.
-
-        """
+        """Take the next frame, of which a region (left, top, right, bottom) is searched."""
         grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
         self._codes = None
         if self._previous is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,21 +29,20 @@ _TOLERANCE = 0.04
 _EVEN, _WIDTH, _UNLIKE = 0.25, 0.07, 0.15
 #: Standard deviations that the particles don't know of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.08, 0.12
-_NOISES = ('scale_noise', 'aspect_noise', 'rotation_noise', 'skew_noise', 'x_noise', 'y_noise')
+#: The parameters of the noise, in the order of `affine.BASIS`.
+_NOISES = (
+    ('scale_noise', 0.02, 'relative change of scale', 0.5),
+    ('aspect_noise', 0.005, 'relative change of aspect ratio', 0.5),
+    ('rotation_noise', 0.02, 'rotation', 1.5),
+    ('skew_noise', 0.005, 'change of skew', 0.5),
+    ('x_noise', 0.06, 'step along x, in sides of the target,', 2.0),
+    ('y_noise', 0.06, 'step along y, in sides of the target,', 2.0))
 
 _AFFINE = ParameterTable([
     Parameter('particles', 400, 'Number of particles.', 2, 5000),
-    Parameter('scale_noise', 0.02, 'Standard deviation of the relative change of scale a frame.',
-              0.0, 0.5),
-    Parameter('aspect_noise', 0.005, 'Standard deviation of the relative change of aspect ratio '
-              'a frame.', 0.0, 0.5),
-    Parameter('rotation_noise', 0.02, 'Standard deviation of the rotation a frame.', 0.0, 1.5,
-              unit='rad'),
-    Parameter('skew_noise', 0.005, 'Standard deviation of the change of skew a frame.', 0.0, 0.5),
-    Parameter('x_noise', 0.06, 'Standard deviation of the step along x a frame, as a share of '
-              "the target's mean side.", 0.0, 2.0),
-    Parameter('y_noise', 0.06, 'Standard deviation of the step along y a frame, as a share of '
-              "the target's mean side.", 0.0, 2.0),
+    *(Parameter(name, default, f'Standard deviation of the {change} a frame.', 0.0, high,
+                unit='rad' if name == 'rotation_noise' else '')
+      for name, default, change, high in _NOISES),
     Parameter('subspace_sigma', 0.05, 'Width of the subspace likelihood exp(-e / (2 sigma^2)), e '
               'the robust error from 0 to 1.', 0.005, 1.0),
     Parameter('eigenvectors', 16, "Principal components of the target's patches.", 1, 64),
@@ -82,7 +81,7 @@ class AffineParticleTracker(Tracker):
 
     def _configure(self) -> None:
         values = self._parameters
-        self._sigmas = np.array([float(values[name]) for name in _NOISES])
+        self._sigmas = np.array([float(values[name]) for name, *_ in _NOISES])
         self._widths = Widths(
             float(values.get('colour_sigma', np.inf)), float(values['subspace_sigma']),
             float(values.get('keypoint_sigma', np.inf)))
@@ -146,29 +145,11 @@ class AffineParticleTracker(Tracker):
             affine=self._state @ np.diag([*self._size, 1.0]))
 
 
-class PoseMeter(Protocol):
-    """Measures the target's movement by its keypoints, from frame to frame."""
-
-    doubt: float
-    """How uncertain the pose has become."""
-
-    def measure(self, seen: Keypoints, state: Array,
-                rng: np.random.Generator) -> PoseChange | None:
-        """Return how the target moved from where an affine frame, shape (3, 3), has it."""
-
-    def learn(self, state: Array) -> None:
-        """Take note of the target's affine frame, shape (3, 3), in the frame just measured."""
-
-
 class ConsecutiveKeypoints:
     """
-    Matches the keypoints of two consecutive frames within the target's bound [Xiang, sec. 2].
+    Matches the keypoints of two consecutive frames on the target [Xiang, sec. 2].
 
-    Parameters
-    ----------
-    size : tuple of float
-        The (width, height) of the rectangle that affine frames map onto the target.
-
+    `size` is that of the rectangle that affine frames map onto the target, as `KeypointMemory`'s.
     """
 
     doubt = 0.0
@@ -221,7 +202,7 @@ class AffineKeypointReplica(AffineParticleTracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._as_printed = bool(self._parameters['as_printed'])
         self._detector = KeypointDetector()
-        self._meter: PoseMeter | None = None
+        self._meter: KeypointMemory | ConsecutiveKeypoints | None = None
         estimate = super()._start(frame, box)
         self._measured(frame)
         self._settled()
@@ -232,8 +213,8 @@ class AffineKeypointReplica(AffineParticleTracker):
             self._meter = None
             return None
         if self._meter is None:
-            kind = ConsecutiveKeypoints if self._as_printed else KeypointMemory
-            self._meter = kind(self._size)
+            self._meter = (ConsecutiveKeypoints(self._size) if self._as_printed
+                           else KeypointMemory(self._size))
         x, y, width, height = affine.bounds(self._state, self._size)
         reach = _KEYPOINT_REACH * (1 + min(self._meter.doubt / _UNCERTAIN, 1.0))
         seen = self._detector.detect(frame, (float(x), float(y)), (width, height), reach)

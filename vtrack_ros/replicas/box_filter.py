@@ -66,7 +66,7 @@ class BoxParticleFilter(Tracker):
 
     def _weighting(self) -> str:
         """Return which weights the filter has, see `ParticleFilter`."""
-        return str(self._parameters['weighting'])
+        return str(self._parameters.get('weighting', 'simplified'))
 
     def _fusion(self) -> FusionRule:
         """Return how the cues are fused."""
@@ -158,15 +158,10 @@ class CondensationReplica(BoxParticleFilter):
     NAME = 'pf_paper'
     SUMMARY = 'particle filter (Condensation), the baseline of the papers'
 
-    def _weighting(self) -> str:
-        return 'simplified'
-
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         return PriorProposal()
 
 
 def _boxes(states: Array) -> Array:
     """Return the boxes (cx, cy, w, h) of states, shape (N, 4)."""
-    boxes = np.empty((len(states), 4))
-    boxes[:, :2], boxes[:, 2:] = states[:, :2], states[:, 4:]
-    return boxes
+    return np.hstack([states[:, :2], states[:, 4:]])

@@ -41,24 +41,14 @@ class BoxCues:
     Boxes are bounded softly, where the papers say nothing: sizes to a range about the first one,
     centres to the image, outside of which nothing is seen.
 
-    Parameters
-    ----------
-    edges : bool
-        Whether moving edges are looked at.
-    kernel : {'flat', 'epanechnikov'}
-        Of the colour histogram.
-
+    Boxes are rows (centre x, centre y, width, height), in px; `kernel` is the histogram's.
     """
-
-    sigma: float
-    """Width of the likelihood."""
-    fusion: FusionRule
-    """How the cues are fused."""
 
     def __init__(self, edges: bool, kernel: str) -> None:
         self._colour = ColourHistogram(kernel=kernel)
         self._edges = MotionEdge() if edges else None
-        self.fusion = FUSION_RULES['product']
+        self.sigma = 0.1
+        self.fusion: FusionRule = FUSION_RULES['product']
 
     def start(self, frame: Frame, box: Array) -> None:
         """Take the histogram of a box, shape (4,), for the reference."""
@@ -85,22 +75,7 @@ class BoxCues:
         self._edges.advance(frame, (left, top, right, bottom))
 
     def measure(self, predicted: Array, side: float) -> tuple[Array, Array]:
-        """
-        Measure the target's centre about a predicted box.
-
-        Parameters
-        ----------
-        predicted : ndarray, shape (4,), [px]
-            Where it should be.
-        side : float, [px]
-            The target's mean side.
-
-        Returns
-        -------
-        center : ndarray, shape (2,), [px]
-        covariance : ndarray, shape (2, 2), [px^2]
-
-        """
+        """Measure a centre, and its covariance, about a predicted box; all in px."""
         boxes = np.tile(predicted, (len(_GRID), 1))
         boxes[:, :2] += side * _GRID
         exponents = self.log_likelihood(boxes)
@@ -167,18 +142,8 @@ def normalised_masses(likelihoods: Array, _: Array) -> Array:
     A cue that abstains is the same for all particles: eqs 16 and 17 give each 1/N. The weight of
     the last step, in both eq. 8 and eq. 15, isn't counted here but once, in the filter's step d.
 
-    Parameters
-    ----------
-    likelihoods : ndarray, shape (cues, N)
-        Not negative; a row of NaN is a cue that abstains.
-    _ : ndarray, shape (cues,)
-        The reliabilities, of which the paper knows nothing.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        The log of the fused weights, which sum to one.
-
+    Takes likelihoods, shape (cues, N), a row of NaN for a cue that abstains, and reliabilities,
+    of which the paper knows nothing. Returns the log of weights that sum to one, shape (N,).
     """
     heard = np.where(np.isnan(likelihoods), 1.0, likelihoods)
     masses = heard / heard.sum(axis=1, keepdims=True)

@@ -23,6 +23,7 @@ _LOCAL_FRAMES = 10
 _CANDIDATES = 20
 #: At most so many samples of a frame are searched for blobs, and so many blobs are matched.
 _SAMPLES, _BLOBS = 20000, 12
+#: Range of the axes' mean, relative to the first one.
 _SMALLEST, _LARGEST = 0.3, 4.0
 #: The ratio of the axes changes by at most this factor in all.
 _ASPECT = 1.6
@@ -62,17 +63,7 @@ _PARTICLES = ParameterTable([
 
 @dataclass(frozen=True)
 class Match:
-    """
-    A place that is like the target.
-
-    Parameters
-    ----------
-    place : ndarray, shape (2,), [px]
-        The centre.
-    zeta : float
-        The similarity there, in [0, 1] [Yin2013, eq. 5].
-
-    """
+    """A centre that is like the target, shape (2,), [px], and the similarity there [eq. 5]."""
 
     place: Array
     zeta: float
@@ -206,21 +197,19 @@ class MeanShiftReplica(Tracker):
         """Let bandwidth and colours follow the target, within bounds."""
         growth, rate = float(self._parameters['growth']), float(self._parameters['learning'])
         if self._as_printed:
-            self._reshape(self._colours.printed_growth(frame, self._center, self._matrix))
+            self._reshape(self._matrix @ self._colours.printed_growth(
+                frame, self._center, self._matrix))
         elif growth and zeta >= (self._rejected + self._accepted) / 2:
             values, vectors = np.linalg.eigh(
                 self._colours.growth(frame, self._center, self._matrix))
             gain = _GAIN * self._colours.separation**2
             values = np.clip(values**gain, 1 / (1 + growth), 1 + growth)
-            self._reshape(vectors * values, vectors.T)
+            self._reshape(self._matrix @ (vectors * values) @ vectors.T)
         if rate and zeta >= self._accepted:
             self._colours = self._colours.updated(frame, self._center, self._matrix, rate)
 
-    def _reshape(self, *factors: Array) -> None:
-        matrix = self._matrix
-        for factor in factors:
-            matrix = matrix @ factor
-        self._matrix = bounded_frame(matrix, self._first)
+    def _reshape(self, matrix: Array) -> None:
+        self._matrix = _bounded_frame(matrix, self._first)
         self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
 
     def _score(self, frame: Frame, centers: Array) -> Array:
@@ -318,22 +307,8 @@ class MeanShiftParticleReplica(MeanShiftReplica):
         return match, weights @ points / weights.sum()
 
 
-def bounded_frame(matrix: Array, first: Array) -> Array:
-    """
-    Return an ellipse's frame within bounds about the first one.
-
-    Parameters
-    ----------
-    matrix, first : ndarray, shape (2, 2), [px]
-        The frame, and the one that it may not leave too far: a box's, which is diagonal.
-
-    Returns
-    -------
-    ndarray, shape (2, 2), [px]
-        Its axes' mean is from 0.3 to 4 times the first one's, and the axes' ratio changed by a
-        factor of at most 1.6.
-
-    """
+def _bounded_frame(matrix: Array, first: Array) -> Array:
+    """Return an ellipse's frame within bounds about the first one, which is diagonal."""
     left, axes, right = np.linalg.svd(matrix)
     reference = np.sort(first.diagonal())[::-1]
     ratio = reference[0] / reference[1]

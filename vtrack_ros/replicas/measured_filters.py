@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from functools import partial
 
 from vtrack_ros.estimation import (
@@ -17,13 +18,9 @@ _PRINTED_FILTER = ParameterTable([
               'particle keeps; in force at the next start.'),
 ])
 _QUADRATURE = ParameterTable([
-    Parameter('cues', 'colour+motion_edge', 'What boxes are compared by; in force at the next '
-              'start.', choices=('colour', 'colour+motion_edge')),
-    Parameter('kernel', 'epanechnikov', "Weights of a box's pixels in the colour histogram; in "
-              'force at the next start.', choices=('flat', 'epanechnikov')),
+    *(replace(BOX_PARAMETERS[name], default=default) for name, default in (
+        ('cues', 'colour+motion_edge'), ('kernel', 'epanechnikov'), ('threshold', 0.5))),
     Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
-    Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
-              'share of the particles.', 0.0, 1.0),
     Parameter('as_printed', False, 'Weights with prior over proposal, a covariance that each '
               'particle keeps, and evidence normalised by its sum (fusion dempster_shafer); in '
               'force at the next start.'),
