@@ -186,11 +186,11 @@ def test_keypoints_from_before_a_time_without_any_outvote_later_ones():
     for _ in range(5):
         memory.measure(Keypoints(_placed(truth, places), looks), truth, rng)
         memory.learn(truth)
-    sure = memory.doubt
+    sure = memory.uncertainty
     for _ in range(20):
         memory.measure(Keypoints(_placed(truth, places)[:0], looks[:0]), wrong, rng)
         memory.learn(wrong)
-    assert memory.doubt > sure + 5
+    assert memory.uncertainty > sure + 5
     for _ in range(5):
         memory.measure(Keypoints(_placed(truth, places), later), wrong, rng)
         memory.learn(wrong)
@@ -199,4 +199,4 @@ def test_keypoints_from_before_a_time_without_any_outvote_later_ones():
         np.concatenate([_placed(truth, places)[:9], _placed(truth, places)]),
         np.concatenate([looks[:9], later])), wrong, rng)
     assert_allclose((change.matrix @ wrong)[:2, 2], truth[:2, 2], atol=0.5)
-    assert memory.doubt < sure + 1
+    assert memory.uncertainty < sure + 1

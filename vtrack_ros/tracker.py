@@ -9,9 +9,8 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import ParameterTable, Value
 
@@ -54,11 +53,11 @@ class Estimate:
 
     box: Box
     angle: float
-    covariance: NDArray[np.float64]
+    covariance: Array
     confidence: float
     state: TrackState
-    particles: NDArray[np.float64] | None = field(default=None, repr=False)
-    affine: NDArray[np.float64] | None = None
+    particles: Array | None = field(default=None, repr=False)
+    affine: Array | None = None
 
     @property
     def measured(self) -> bool:

@@ -35,21 +35,9 @@ class AffineLikelihood:
     """
     The likelihood of affine frames: the product of three terms [Xiang, sec. 3.3].
 
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-        The first frame.
-    first : ndarray, shape (3, 3)
-        The target's affine frame in it.
-    size : tuple of float
-        The (width, height) of the rectangle that affine frames map onto the target.
-    components : int
-        Principal components of the subspace.
-    colour : bool
-        Whether there's a colour term; a grey frame never has one.
-    side : int
-        Samples along each side of a patch.
-
+    They're learned from the first frame, in which the target's affine frame is `first`, from a
+    rectangle of that (width, height). A patch has `side` samples along each side, the subspace
+    that many components; the colour term may be left out, and a grey frame has none.
     """
 
     def __init__(self, frame: Frame, first: Array, size: tuple[float, float],
@@ -67,21 +55,10 @@ class AffineLikelihood:
     def log_likelihood(self, frame: Frame, states: Array, widths: Widths,
                        change: PoseChange | None, before: Array) -> Array:
         """
-        Return the logarithm of the likelihood of affine frames, less a constant, shape (N,).
+        Return the logarithm of the likelihood of affine frames (N, 3, 3), less a constant.
 
-        Parameters
-        ----------
-        frame : ndarray of uint8
-            The image.
-        states : ndarray, shape (N, 3, 3)
-            The affine frames.
-        widths : Widths
-            Of the three terms.
-        change : PoseChange, optional
-            The target's keypoints that were seen again.
-        before : ndarray, shape (3, 3)
-            The target's affine frame in the last frame.
-
+        `change` has the target's keypoints that were seen again, `before` is its affine frame in
+        the last frame.
         """
         patches = AffinePatches(frame, states, self.size, self.side)
         result = self.subspace.robust_error(patches.grey(), _OUTLIER).astype(np.float64)

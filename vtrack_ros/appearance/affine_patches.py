@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 
 #: Frames sampled in one call: what fits the processor's cache is several times as fast.
 _BLOCK = 50
@@ -15,26 +15,15 @@ _HISTOGRAM_GRID = 12
 
 class AffinePatches:
     """
-    Samples of one frame under the images of a rectangle.
+    Samples of one frame under the images of a rectangle about the origin, of a size.
 
     Only the region that the images cover is prepared, once, and it's shrunk when the images are
     larger than what is sampled of them: the cost depends on the number of samples, and neither on
-    the size of the target nor on that of the frame.
-
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) or (H, W)
-        The frame.
-    transformations : ndarray, shape (N, 3, 3)
-        Map the rectangle into the frame, in pixels.
-    size : tuple of float
-        The rectangle's (width, height); it's centred on the origin.
-    side : int
-        Samples along each side of a patch.
-
+    the size of the target nor on that of the frame. The transformations, shape (N, 3, 3), map the
+    rectangle into the frame; a patch has `side` samples along each side.
     """
 
-    def __init__(self, frame: Frame, transformations: NDArray[np.float64],
+    def __init__(self, frame: Frame, transformations: Array,
                  size: tuple[float, float], side: int = 32) -> None:
         self._transformations = transformations
         self._size, self.side = size, side
@@ -79,7 +68,7 @@ class AffinePatches:
             np.multiply(sampled, np.float32(1 / 255), out=patches[first:first + _BLOCK])
         return patches
 
-    def colours(self, bins: int = 6) -> NDArray[np.float64]:
+    def colours(self, bins: int = 6) -> Array:
         """
         Return the HSV histograms of a colour frame, shape (N, bins ** 3) [Xiang, sec. 3.3.1].
 
@@ -101,10 +90,10 @@ class AffinePatches:
         sampled[~inside] = colours
         sampled += np.arange(count, dtype=np.int32)[:, None] * (colours + 1)
         counted = np.bincount(sampled.ravel(), minlength=count * (colours + 1))
-        result: NDArray[np.float64] = counted.reshape(count, -1)[:, :colours] / points.shape[1]
+        result: Array = counted.reshape(count, -1)[:, :colours] / points.shape[1]
         return result
 
-    def _rows(self) -> NDArray[np.float64]:
+    def _rows(self) -> Array:
         """Return the maps from the rectangle to the region's pixels, shape (N, 2, 3)."""
         rows = self._transformations[:, :2] / self._per_pixel[:, None]
         # OpenCV counts from the centre of a pixel, boxes from its outer corner

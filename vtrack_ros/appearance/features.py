@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 
 #: A window's features: float32, shape (channels, rows, columns).
 Features = NDArray[np.float32]
@@ -81,15 +81,7 @@ def describe(grey: Frame, cells: Frame, cell: int) -> Features:
     """
     Return the features of a window: oriented gradients, lightness and, of colour, colour names.
 
-    Parameters
-    ----------
-    grey : ndarray of uint8, shape (rows * cell, columns * cell)
-        The window.
-    cells : ndarray of uint8, shape (rows, columns, 3) or (rows, columns)
-        The window with a pixel for each cell.
-    cell : int, [px]
-        Side of a cell.
-
+    `grey` is the window, its cells so many pixels wide; `cells` has one pixel for each cell.
     """
     colour = cells.ndim == 3
     channels = GRADIENT_CHANNELS + 1 + colour * COLOUR_CHANNELS
@@ -106,28 +98,14 @@ def describe(grey: Frame, cells: Frame, cell: int) -> Features:
 def oriented_gradients(
         grey: Frame, cell: int = 4, out: Features | None = None) -> Features:
     """
-    Return contrast-normalised histograms of gradient orientation.
+    Return contrast-normalised histograms of gradient orientation, shape (18, rows, columns).
 
     The 18 signed and 9 unsigned orientations a cell of Felzenszwalb et al. (2010), with one block
     of 3 x 3 cells for the normalisation in place of their four of 2 x 2, folded into 18 channels
     that have the same scalar products: with s and t in opposite directions, those of (s, t, s + t)
-    are those of `(sqrt(3/2) (s + t), sqrt(1/2) (s - t))`.
-
-    Parameters
-    ----------
-    grey : ndarray of uint8, shape (rows * cell, columns * cell)
-        The image.
-    cell : int, [px]
-        Side of a cell.
-    out : ndarray of float32, shape (18, rows, columns), optional
-        Where the result is put.
-
-    Returns
-    -------
-    ndarray of float32, shape (18, rows, columns)
-        Nine sums, then nine differences, of the directions from 0 to 160 degrees and those
-        opposite to them; magnitudes below 1.
-
+    are those of `(sqrt(3/2) (s + t), sqrt(1/2) (s - t))`. Of a cell's side in pixels; nine sums,
+    then nine differences, of the directions from 0 to 160 degrees and those opposite to them, with
+    magnitudes below 1.
     """
     rows, columns = grey.shape[0] // cell, grey.shape[1] // cell
     level = grey.astype(np.float32)
@@ -192,19 +170,19 @@ def _table() -> NDArray[np.float32]:
     return table
 
 
-def memberships() -> NDArray[np.float64]:
+def memberships() -> Array:
     """Return the memberships of all 15-bit colours, less their mean, shape (32768, 11)."""
     difference = _lab(all_colours()[0])[:, None] - _lab(_NAMES_BGR)[None]
     distance2 = difference**2 @ np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0])
     # the nearest name keeps a membership however far it is
     nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
-    membership: NDArray[np.float64] = nearness / nearness.sum(1, keepdims=True)
+    membership: Array = nearness / nearness.sum(1, keepdims=True)
     return membership - membership.mean(0)
 
 
-def _lab(bgr: NDArray[np.uint8]) -> NDArray[np.float64]:
+def _lab(bgr: NDArray[np.uint8]) -> Array:
     converted = cv2.cvtColor(bgr.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
-    lab: NDArray[np.float64] = converted.reshape(-1, 3).astype(np.float64)
+    lab: Array = converted.reshape(-1, 3).astype(np.float64)
     return lab
 
 

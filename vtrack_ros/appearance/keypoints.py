@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.features import sample_window
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
-
-Points = NDArray[np.float64]
 
 #: Side of the widest window that keypoints are searched in, in samples.
 _RESOLUTION = 80
@@ -36,30 +34,22 @@ _FEWEST_IF_LARGE = 6
 class Keypoints:
     """Keypoints of one frame: points (M, 2), [px], and descriptors (M, 128)."""
 
-    points: Points
+    points: Array
     descriptors: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class PoseChange:
     """
-    The rotation, change of scale and translation between two frames.
+    The rotation, change of scale and translation between two frames, shape (3, 3), in pixels.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (3, 3)
-        Maps points of the former frame to the latter, in pixels.
-    before, after : ndarray, shape (M, 2), [px]
-        The matched points that agree with it.
-    weights : ndarray, shape (M,)
-        What each of them counts for.
-
+    With the matched points, shape (M, 2), that agree with it, and what each of them counts for.
     """
 
-    matrix: NDArray[np.float64]
-    before: Points
-    after: Points
-    weights: NDArray[np.float64]
+    matrix: Array
+    before: Array
+    after: Array
+    weights: Array
 
 
 class KeypointDetector:
@@ -111,8 +101,8 @@ def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
     return good, found[good]
 
 
-def pose_change(before: Points, after: Points, tolerance: float, rng: np.random.Generator,
-                weights: NDArray[np.float64] | None = None) -> PoseChange | None:
+def pose_change(before: Array, after: Array, tolerance: float, rng: np.random.Generator,
+                weights: Array | None = None) -> PoseChange | None:
     """
     Return the pose change that most matches agree with, or None where too few do.
 
@@ -154,8 +144,8 @@ def pose_change(before: Points, after: Points, tolerance: float, rng: np.random.
     return PoseChange(matrix, before[inliers], after[inliers], weights[inliers])
 
 
-def similarity(before: Points, after: Points,
-               weights: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def similarity(before: Array, after: Array,
+               weights: Array | None = None) -> Array:
     """
     Return the least squares rotation, scale and translation between matched points, weighted.
 
@@ -176,7 +166,7 @@ def similarity(before: Points, after: Points,
     return result
 
 
-def sylvester_rotation(before: Points, after: Points) -> NDArray[np.float64]:
+def sylvester_rotation(before: Array, after: Array) -> Array:
     """
     Return the rotation R, shape (2, 2), that minimises sum ||R p - p'||^2 over centred points.
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.features import Features, GRADIENT_CHANNELS, oriented_gradients
-from vtrack_ros.frame import Frame, Point
+from vtrack_ros.frame import Array, Frame, Point
 
 Spectrum = NDArray[np.complex64]
 
@@ -38,20 +38,10 @@ class CorrelationFilter:
     The filter whose response to the target is a Gaussian at the target's place.
 
     Ridge regression over all cyclic shifts of the window, solved one frequency at a time
-    [Danelljan et al. 2014, eqs 2-6]: numerator and denominator are averaged over time.
-
-    Parameters
-    ----------
-    numerator : ndarray of complex64, shape ([filters,] channels, rows, columns // 2 + 1)
-        Its running average; of several filters, to be asked at once, where there's one axis more.
-    denominator : ndarray of float32, shape (rows, columns // 2 + 1)
-        Its running average.
-    label : ndarray of complex64, shape (rows, columns // 2 + 1)
-        Conjugate spectrum of the wanted response, whose peak is in the middle of the window.
-    shape : tuple of int, [cells]
-        (rows, columns) of the window.
-    regularisation : float
-
+    [Danelljan et al. 2014, eqs 2-6]: numerator, shape (channels, rows, columns // 2 + 1), and
+    denominator are averaged over time. Of several filters, to be asked at once, the numerator has
+    one axis more. The label is the conjugate spectrum of the wanted response, whose peak is in the
+    middle of the window.
     """
 
     numerator: Spectrum
@@ -148,18 +138,9 @@ class ScaleRegression:
 
     A hyperplane tracker [Jurie and Dhome 2002] for one parameter: what the target would look like
     if the box were too small or too large is known by resampling one image, and ridge regression
-    finds the weights with which the features give the logarithm of the size's error.
-
-    Parameters
-    ----------
-    grid : ndarray of float32, shape (2, rows, columns), [px]
-        Sample points (x, y) of one patch, from the target's centre.
-    examples : ndarray of float32, shape (examples, features)
-        Running average of the features at all scales.
-    weights : ndarray of float32, shape (features,)
-    offset : float
-        An estimate is `weights @ features + offset`.
-
+    finds the weights with which the features give the logarithm of the size's error, as
+    `weights @ features + offset`. The grid, shape (2, rows, columns), has the sample points from
+    the target's centre, in pixels; the examples are the features' running average at all scales.
     """
 
     grid: NDArray[np.float32]
@@ -200,7 +181,7 @@ class ScaleRegression:
         return ScaleRegression(self.grid, examples, weights, -float(mean @ weights))
 
     def _features(self, grey: Frame, center: Point,
-                  scales: NDArray[np.float64]) -> NDArray[np.float32]:
+                  scales: Array) -> NDArray[np.float32]:
         """Return the gradients, shape (scales, features), at logarithms of scale."""
         columns = self.grid.shape[2]
         factors = np.exp(scales).astype(np.float32)[:, None, None]
@@ -236,7 +217,7 @@ def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
     return over_columns, np.fft.fft(np.diag(taper(rows))).T.astype(np.complex64)
 
 
-def taper(length: int) -> NDArray[np.float64]:
+def taper(length: int) -> Array:
     """Return by how much each cell along a side counts, so that a window's edges fade."""
     return np.hanning(length + 2)[1:-1]
 

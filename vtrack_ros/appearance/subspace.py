@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
+
 Vectors = NDArray[np.float32]
 
 #: Rows handled at once: what fits the processor's cache is several times as fast.
@@ -19,26 +21,15 @@ class Subspace:
     Mean and principal components of all patches so far, older ones counting less.
 
     The model is probabilistic PCA: a patch is a point of the subspace plus noise. It's updated by
-    the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.2, figure 2].
-
-    Parameters
-    ----------
-    mean : ndarray of float32, shape (d,)
-        The mean patch.
-    components : ndarray of float32, shape (d, k)
-        Orthonormal columns, by falling singular value.
-    singular_values : ndarray, shape (k,)
-        Of the centred patches.
-    count : float
-        How many patches this stands for, with forgetting.
-    limit : int
-        The largest k.
-
+    the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.2, figure 2]. The
+    mean has shape (d,), the components (d, k), with orthonormal columns by falling singular value
+    (of the centred patches); k is at most `limit`. `count` is how many patches this stands for,
+    with forgetting.
     """
 
     mean: Vectors
     components: Vectors
-    singular_values: NDArray[np.float64]
+    singular_values: Array
     count: float
     limit: int
 

@@ -33,17 +33,8 @@ class Localiser:
     """
     Localises a target in each frame, updates its model, and notices when tracking has failed.
 
-    Parameters
-    ----------
-    frame : ndarray of uint8
-        The image that it starts on.
-    center, size : tuple of float, [px]
-        The target's.
-    rng : numpy.random.Generator
-        Where re-detection draws its places.
-    searches : int
-        Windows searched in each frame after a failure.
-
+    It's made on the first frame, with the target's centre and size in pixels. The generator draws
+    the places that re-detection searches, `searches` in each frame after a failure.
     """
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,

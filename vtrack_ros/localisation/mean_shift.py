@@ -15,22 +15,10 @@ def fuse(zeta: float, climbed: Point, best: Point, near: float, far: float, acce
     """
     Fuse the places that mean shift and the particles found [Yin2013, eqs 13-15].
 
-    Parameters
-    ----------
-    zeta : float
-        The similarity at `climbed`.
-    climbed, best : tuple of float, [px]
-        y_ms and y_pf.
-    near, far : float, [px]
-        The distances sigma and sigma a, within which the two agree and are compatible.
-    accepted, rejected : float
-        The similarity th from which mean shift is trusted, and r up to which it isn't at all.
-
-    Returns
-    -------
-    tuple of float, [px], or None
-        None where the two contradict each other.
-
+    `zeta` is the similarity at y_ms, the place climbed to; y_pf is the best particle's. They agree
+    within the distance `near` (sigma), and are compatible within `far` (sigma a), [px]. From the
+    similarity `accepted` (th) mean shift is trusted, up to `rejected` (r) it isn't at all. None is
+    where the two contradict each other.
     """
     if zeta <= rejected:
         return best

@@ -53,18 +53,8 @@ class InitialTemplate:
     The correlation filter of the first frame was learned against the surroundings, so it tells
     the target from them far better than a similarity of features does. But it was learned with
     them too: where the target stood, they still answer when it has gone. So a place has to satisfy
-    both the whole filter and the part of it that sees the target alone, and to have the target's
-    colours.
-
-    Parameters
-    ----------
-    filters : CorrelationFilter
-        Two in one: the model's, and the part of it that is confined to the target.
-    colours : ColourModel
-        Of the first frame.
-    colour : float
-        The target's mean foreground probability in the first frame.
-
+    both the whole filter and the part of it that sees the target alone (`filters` is both in one),
+    and to have the target's colours: `colour` is its mean foreground probability at first.
     """
 
     filters: CorrelationFilter

@@ -51,25 +51,10 @@ class Redetection:
     Searches, after a tracking failure, with the target as it was known before.
 
     Updates of the live model never stop, since a change of appearance looks like an occlusion.
-    The snapshot searches beside the live one, which it replaces once it has found a place that is
-    verifiably more similar to the target. The failure is over, too, when the live place has been
-    similar enough for a while.
-
-    Parameters
-    ----------
-    snapshot : TargetSnapshot
-        Of before the failure.
-    template : InitialTemplate
-        What places are verified with.
-    velocity : tuple of float, [px/frame]
-        Of before the failure.
-    age : float, [frames]
-        The time since the snapshot.
-    searches : int
-        Windows searched in each frame.
-    rng : numpy.random.Generator
-        Where places are drawn from.
-
+    The snapshot, of `age` frames before, searches `searches` windows in each frame beside the live
+    one, which it replaces once it has found a place that is verifiably more similar to the target.
+    The failure is over, too, when the live place has been similar enough for a while. The velocity
+    before the failure, [px/frame], says where the target may have gone since.
     """
 
     def __init__(self, snapshot: TargetSnapshot, template: InitialTemplate, velocity: Point,

@@ -32,20 +32,10 @@ class SearchWindow:
     """
     A window of a frame, resampled and described.
 
-    Parameters
-    ----------
-    layout : WindowLayout
-    center, size : tuple of float, [px]
-        The window's centre in the frame, and the size of a target that fills its middle.
-    cell : tuple of float, [px]
-        A cell's (width, height).
-    grey : ndarray of uint8, shape (3 * rows, 3 * columns)
-        The image.
-    colours : ndarray of int, shape (2 * rows, 2 * columns)
-        Each pixel's bin in the colour model.
-    spectrum : ndarray of complex64, shape (channels, rows, columns // 2 + 1)
-        Of the features.
-
+    Its centre in the frame, the size of a target that fills its middle and a cell's (width,
+    height) are in pixels. `grey` is the image, of 3 x 3 samples a cell; `colours` has each pixel's
+    bin in the colour model, of 2 x 2 a cell; the spectrum, shape (channels, rows, columns // 2 +
+    1), is that of the features.
     """
 
     layout: WindowLayout
@@ -124,16 +114,7 @@ class WindowLayout:
 
 @dataclass(frozen=True)
 class ResponseMap:
-    """
-    The response to the target's centre in each cell of a window.
-
-    Parameters
-    ----------
-    window : SearchWindow
-    values : ndarray of float32, shape (rows, columns)
-        The window's centre is at [rows // 2, columns // 2].
-
-    """
+    """The response to the target's centre in each cell of a window."""
 
     window: SearchWindow
     values: NDArray[np.float32]

@@ -32,14 +32,6 @@ class TargetModel:
     A correlation filter, a colour model and a scale regression of one target.
 
     It's never changed in place: a snapshot of it is the object itself.
-
-    Parameters
-    ----------
-    layout : WindowLayout
-    correlation : CorrelationFilter
-    colours : ColourModel
-    scale : ScaleRegression
-
     """
 
     layout: WindowLayout
@@ -102,14 +94,8 @@ class TargetSnapshot:
     """
     What is known of the target at one time; the live one is replaced in every frame.
 
-    Parameters
-    ----------
-    model : TargetModel
-    center, size : tuple of float, [px]
-        Where it is.
-    usual_response, usual_similarity : float
-        The running means of the highest response and of the similarity to the initial template.
-
+    Centre and size are in pixels; what's usual is the running mean of the highest response, and of
+    the similarity to the initial template.
     """
 
     model: TargetModel

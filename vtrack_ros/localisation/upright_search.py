@@ -49,18 +49,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class UprightResponse:
-    """
-    The response over a window that was turned back; places are those in the frame.
-
-    Parameters
-    ----------
-    turn : Turn
-    upright : ndarray of uint8
-        The frame whose part about the target is turned back.
-    response : ResponseMap
-        Over the upright frame.
-
-    """
+    """The response over a frame whose part about the target is turned back; in its places."""
 
     turn: Turn
     upright: Frame
@@ -85,15 +74,9 @@ class UprightSearch:
     """
     Shows a localiser the frame turned back by the target's own rotation.
 
-    Correlation filters know a target in one orientation. The part of the frame about the target
-    is turned so that the target stands as it did at the start; places go through that rotation on
-    the way in and out.
-
-    Parameters
-    ----------
-    localiser : Localiser
-        Between the frames its centre is in the frame's coordinates.
-
+    Correlation filters know a target in one orientation. The part of the frame about the target is
+    turned so that the target stands as it did at the start; places go through that rotation on the
+    way in and out. Between the frames the localiser's centre is in the frame's coordinates.
     """
 
     def __init__(self, localiser: Localiser) -> None:

@@ -152,7 +152,7 @@ class ConsecutiveKeypoints:
     `size` is that of the rectangle that affine frames map onto the target, as `KeypointMemory`'s.
     """
 
-    doubt = 0.0
+    uncertainty = 0.0
 
     def __init__(self, size: tuple[float, float]) -> None:
         self._half = np.array(size) / 2
@@ -216,7 +216,7 @@ class AffineKeypointReplica(AffineParticleTracker):
             self._meter = (ConsecutiveKeypoints(self._size) if self._as_printed
                            else KeypointMemory(self._size))
         x, y, width, height = affine.bounds(self._state, self._size)
-        reach = _KEYPOINT_REACH * (1 + min(self._meter.doubt / _UNCERTAIN, 1.0))
+        reach = _KEYPOINT_REACH * (1 + min(self._meter.uncertainty / _UNCERTAIN, 1.0))
         seen = self._detector.detect(frame, (float(x), float(y)), (width, height), reach)
         return self._meter.measure(seen, self._state, self._rng)
 

@@ -165,7 +165,7 @@ class AffineKeypointParticleFilter(Tracker):
             self._memory = KeypointMemory(self._size)
             return None
         _, _, width, height = affine.bounds(self._state, self._size)
-        reach *= 1 + min(self._memory.doubt / _UNCERTAIN, 1.0)
+        reach *= 1 + min(self._memory.uncertainty / _UNCERTAIN, 1.0)
         seen = self._detector.detect(
             frame, (float(center[0]), float(center[1])), (width, height), reach)
         return self._memory.measure(seen, self._state, self._rng)
