@@ -27,9 +27,8 @@ def fractal_noise(
     """
     Return noise of mean 0 and deviation about 1, whose spectrum falls off like natural images'.
 
-    The coarse octaves don't depend on the resolution: the same generator, and a cell that grows
-    with the picture, give the same picture with more detail. The largest structures have the size
-    of a cell; each octave is weaker than the last by the factor `persistence`.
+    The largest structures have the size of a cell; each octave is weaker than the last by the
+    factor `persistence`, and the coarse ones don't depend on the resolution.
     """
     height, width = shape
     noise = np.zeros(shape, np.float32)
@@ -114,10 +113,6 @@ class Canvas:
                       max(2, int(np.ceil((right - left) * unit))))
         self.picture: Picture = np.empty((*self.shape, 3), np.float32)
         self.picture[:] = colour
-
-    def fill(self, texture: Picture) -> None:
-        """Cover everything with a texture of its shape."""
-        self.picture[:] = texture
 
     def gain(self, gain: NDArray[np.float32]) -> None:
         """Brighten or darken by factors that broadcast to its shape."""

@@ -20,12 +20,7 @@ _PHASES = 32
 
 
 class Person:
-    """
-    A person 100 units tall, the origin on the ground between the feet; `unit` in pixels.
-
-    Shorts end above the knee and show the socks, sleeves reach the wrist; the stripes of the
-    shirt, if it has any, may be upright.
-    """
+    """A person 100 units tall, the origin on the ground between the feet; `unit` in pixels."""
 
     def __init__(self, unit: float, rng: np.random.Generator, *, shirt: Colour, trousers: Colour,
                  stripe: Colour | None = None, upright: bool = False, shorts: bool = False,
@@ -44,12 +39,7 @@ class Person:
         self._render = lru_cache(maxsize=256)(self._rendered)
 
     def sprite(self, phase: float = 0.0, yaw: float = 0.0, stride: float = 1.0) -> Sprite:
-        """
-        Return the person.
-
-        The phase counts steps of a double step; a yaw of 0 faces the viewer, one of pi / 2 right;
-        a stride of 0 stands, one of 1 walks, one of 1.6 runs.
-        """
+        """Return the person; a phase of 1 is a step, a yaw of 0 the front, a stride of 0 rest."""
         return self._render(round(phase * _PHASES) % _PHASES, round(yaw, 2), round(stride, 1))
 
     def _rendered(self, phase: int, yaw: float, stride: float) -> Sprite:

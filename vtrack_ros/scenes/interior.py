@@ -18,7 +18,7 @@ def office(view: View, rng: np.random.Generator, size: float = 1.0) -> Canvas:
     canvas = view.canvas(12)
     unit = canvas.unit * size
     plaster = fractal_noise(canvas.shape, 30 * unit, rng)
-    canvas.fill(tinted(plaster, (150, 168, 172), 0.055, 0.01))
+    canvas.picture[:] = tinted(plaster, (150, 168, 172), 0.055, 0.01)
     canvas.gain(1.12 - 0.0025 / size * (canvas.columns() - view.left))
     middle, width = view.base_width / 2, 190 * size
     first = int(np.floor((canvas.left - middle) / width - 0.5))

@@ -71,7 +71,7 @@ def park(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     canvas = view.canvas(12)
     unit, span = canvas.unit, view.base_height / 240
     leaves = foliage(canvas.shape, unit * span, rng, (40, 88, 66), 3.2)
-    canvas.fill(leaves)
+    canvas.picture[:] = leaves
     sky = tinted(fractal_noise(canvas.shape, 60 * unit, rng), (222, 208, 192), 0.05)
     trees = canvas.ragged(canvas.top + 0.14 * (ground.horizon - canvas.top), 7 * span, 50, rng)
     canvas.polygon([(canvas.left, canvas.top - 9), *trees, (canvas.right, canvas.top - 9)], sky)
@@ -102,7 +102,7 @@ def pitch(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     canvas = view.canvas(60)
     unit = canvas.unit
     crowd = fractal_noise(canvas.shape, 2.2 * unit, rng, 0.8)
-    canvas.fill(tinted(crowd, (88, 80, 92), 0.35, 0.3))
+    canvas.picture[:] = tinted(crowd, (88, 80, 92), 0.35, 0.3)
     top = ground.horizon + 8
     lengths = rng.uniform(30, 62, 60)
     colours: list[Colour] = [(150, 60, 40), (60, 60, 190), (225, 225, 225), (50, 150, 210),
@@ -138,7 +138,7 @@ def arcade(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     canvas = view.canvas(12)
     unit, span = canvas.unit, view.base_height / 288
     wall = fractal_noise(canvas.shape, 40 * unit * span, rng)
-    canvas.fill(tinted(wall, (128, 142, 150), 0.05, 0.01))
+    canvas.picture[:] = tinted(wall, (128, 142, 150), 0.05, 0.01)
     floor = ground.horizon + 46 * span
     goods: list[Colour] = [(60, 70, 160), (150, 120, 70), (70, 130, 90), (170, 180, 190),
                            (50, 140, 200), (50, 50, 60), (125, 155, 200)]
@@ -208,7 +208,7 @@ def road(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
     """Return a road that comes out of the distance between houses and trees."""
     canvas = view.canvas(14)
     unit, far = canvas.unit, ground.middle
-    canvas.fill(sky(canvas, rng))
+    canvas.picture[:] = sky(canvas, rng)
     leaves = foliage(canvas.shape, unit, rng, (44, 86, 66), 3.0)
     brick = masonry(canvas.shape, unit, rng, (118, 132, 158), (8, 3.5))
     canvas.polygon([*canvas.ragged(ground.horizon - 17, 4, 40, rng), (canvas.right, 140),
@@ -259,7 +259,7 @@ def valley(view: View, rng: np.random.Generator, reach: float) -> Canvas:
     canvas = Canvas(view.left - 50, view.top - 50, view.right + reach + 50, view.bottom + 50,
                     view.unit)
     unit = canvas.unit
-    canvas.fill(sky(canvas, rng))
+    canvas.picture[:] = sky(canvas, rng)
     woods = foliage(canvas.shape, unit, rng, (46, 84, 62), 3.6)
     brick = masonry(canvas.shape, unit, rng, (118, 132, 158), (8, 3.5))
     slope = fractal_noise(canvas.shape, 14 * unit, rng, 0.75)

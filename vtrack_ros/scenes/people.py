@@ -22,7 +22,7 @@ def handheld(rng: np.random.Generator, amount: float) -> FilmCamera:
 def kiosk(view: View, width: float, height: float, rng: np.random.Generator) -> Sprite:
     """Return a brick kiosk with a poster and a shutter, to walk behind."""
     canvas = Canvas(0, 0, width, height, view.unit)
-    canvas.fill(masonry(canvas.shape, view.unit, rng, (88, 104, 136), (9, 4)))
+    canvas.picture[:] = masonry(canvas.shape, view.unit, rng, (88, 104, 136), (9, 4))
     canvas.gain(1.1 - 0.3 * canvas.columns() / width)
     canvas.rectangle(0, 0, width, 5, (70, 74, 80))
     canvas.rectangle(0.1 * width, 0.2 * height, 0.48 * width, 0.72 * height, (60, 64, 70))

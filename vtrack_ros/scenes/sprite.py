@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -129,11 +129,7 @@ def keyframes(*points: tuple[float, float]) -> Motion:
     """
     times, values = zip(*points)
     curve = PchipInterpolator(times, values)
-
-    def motion(time: float) -> float:
-        return float(curve(min(max(time, times[0]), times[-1])))
-
-    return motion
+    return lambda time: float(curve(min(max(time, times[0]), times[-1])))
 
 
 def stepwise(*points: tuple[float, float]) -> Motion:
@@ -146,11 +142,6 @@ def unrest(rng: np.random.Generator, amplitude: float, period: float) -> Motion:
     """Return a motion about 0 that never quite repeats: a sum of sines of about a period."""
     periods = period * rng.uniform(0.35, 1.6, 5)
     phases = rng.uniform(0, 2 * math.pi, 5)
-    parts: Sequence[tuple[float, float, float]] = [
-        (amplitude * 0.63 * math.sqrt(size / period), 2 * math.pi / size, phase)
-        for size, phase in zip(periods, phases)]
-
-    def motion(time: float) -> float:
-        return sum(a * math.sin(w * time + p) for a, w, p in parts)
-
-    return motion
+    parts = [(amplitude * 0.63 * math.sqrt(size / period), 2 * math.pi / size, phase)
+             for size, phase in zip(periods, phases)]
+    return lambda time: float(sum(a * math.sin(w * time + p) for a, w, p in parts))

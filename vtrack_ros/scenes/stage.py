@@ -74,12 +74,10 @@ class Actor:
 @dataclass(frozen=True)
 class FilmCamera:
     """
-    What films the scene.
+    What films the scene; its motion is an offset of the view, and a scale above 1 sees more.
 
-    `motion` moves the view in the world by an offset (x, y); a scale above 1 sees more. The
-    shutter is open for `exposure`, in frames. The noise is the standard deviation at full
-    brightness, of 255; in the dark it's about a third. The lens's blur, `softness`, is in pixels
-    at one pixel per world unit.
+    The exposure is in frames, the noise the standard deviation at full brightness, of 255 (a third
+    of it in the dark), the softness the lens's blur in pixels at one pixel per world unit.
     """
 
     motion: Callable[[float], Placement] = field(default=lambda time: Placement(0, 0))
@@ -115,10 +113,8 @@ class SceneFrame:
     """
     A rendered frame, uint8, shape (H, W, 3), and the truth about it.
 
-    The truth bounds the target's whole outline (alpha of one half) in the middle of the exposure,
-    also of what is hidden or beyond the image; it's None while less than a tenth of the target is
-    in sight. The visibility is the part of the target's area that is inside the image and not
-    covered.
+    The truth bounds the target's whole outline in the middle of the exposure, hidden or not; it's
+    None while less than a tenth of the target is in sight, as the visibility says.
     """
 
     frame: NDArray[np.uint8]
@@ -130,11 +126,9 @@ class SceneFrame:
 def film(scene: Scene, times: Iterator[float], rng: np.random.Generator) -> Iterator[SceneFrame]:
     """Render the scene at some times, in frames; the generator makes the sensor noise."""
     for index, time in enumerate(times):
-        picture = _exposed(scene, time)
-        frame = _developed(scene, picture, time, rng)
+        frame = _developed(scene, _exposed(scene, time), time, rng)
         box, visibility = _truth(scene, time)
-        truth = box if visibility >= VISIBLE else None
-        yield SceneFrame(frame, truth, index, visibility)
+        yield SceneFrame(frame, box if visibility >= VISIBLE else None, index, visibility)
 
 
 def _world_to_image(scene: Scene, time: float) -> Affine:

@@ -72,7 +72,7 @@ def car_approach(view: View, rng: np.random.Generator) -> Scene:
 def _chimney(view: View, width: float, height: float, rng: np.random.Generator) -> Sprite:
     """Return a factory chimney that stands on its origin."""
     canvas = Canvas(0, 0, width, height, view.unit)
-    canvas.fill(masonry(canvas.shape, view.unit, rng, (92, 104, 150), (6, 3)))
+    canvas.picture[:] = masonry(canvas.shape, view.unit, rng, (92, 104, 150), (6, 3))
     canvas.gain(1.15 - 0.55 * (canvas.columns() / width))
     for row in (4.0, 16.0):
         canvas.rectangle(0, row, width, row + 5, (205, 210, 215), 0.8)
