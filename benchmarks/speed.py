@@ -28,13 +28,13 @@ from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecific
 from vtrack_ros.evaluation.charts import colour, svg
 from vtrack_ros.evaluation.environment import environment
 from vtrack_ros.evaluation.one_thread import one_thread
-from vtrack_ros.evaluation.peers import peer_names
+from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
 ROOT = Path(__file__).resolve().parents[1]
-PEERS = ('opencv_csrt', 'opencv_kcf')
+BESIDE = ('opencv_csrt', 'opencv_kcf')
 SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
 VGA = (640, 480)
 TARGET = 64
@@ -153,12 +153,12 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
 def main(argv: list[str] | None = None) -> int:
     """Measure and write the results."""
     arguments = _arguments(argv)
-    missing = set(PEERS) - set(peer_names())
+    missing = set(BESIDE) - set(PEERS)
     if missing:
         print('this OpenCV has neither CSRT nor KCF; run it as\n'
               '  scripts/peers --python benchmarks/speed.py', file=sys.stderr)
         return 2
-    chosen = parse_trackers(f'{arguments.trackers},{",".join(PEERS)}')
+    chosen = parse_trackers(f'{arguments.trackers},{",".join(BESIDE)}')
     measured = measure(chosen, arguments.frames, arguments.seeds)
     content = {'environment': environment(), 'threads': 1, 'frames': arguments.frames,
                'seeds': list(range(arguments.seeds)), 'target_px': TARGET, **measured}
@@ -259,7 +259,7 @@ def _abscissa(key: str) -> float:
 def _page(content: dict[str, Any]) -> str:
     facts = ', '.join(f'{key} {value}' for key, value in content['environment'].items())
     vga = content['image'][f'{VGA[0]}x{VGA[1]}']
-    csrt, kcf = (vga[peer]['cpu_ms'] for peer in PEERS)
+    csrt, kcf = (vga[peer]['cpu_ms'] for peer in BESIDE)
     ratios = [['tracker', 'cpu ms', 'ms', 'ms p99', 'fps', 'times CSRT', 'times KCF', 'mean IoU',
                'target 16 to 256 px', 'VGA to full HD']]
     small, large = (content['target'][str(target)] for target in (TARGETS[0], TARGETS[-1]))

@@ -17,7 +17,7 @@ from vtrack_ros.cli.command_line import main
 from vtrack_ros.evaluation import (
     evaluate, find_sequences, FolderSequence, parse_tracker, parse_trackers, SequenceError)
 from vtrack_ros.evaluation.cache import RunCache
-from vtrack_ros.evaluation.peers import peer_names
+from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.evaluation.report import html_page
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.runner import run_tracker
@@ -266,7 +266,7 @@ def test_wrong_specifications(text, message):
         parse_trackers(text)
 
 
-@pytest.mark.parametrize('name', peer_names())
+@pytest.mark.parametrize('name', PEERS)
 def test_peers(name, folder):
     """Trackers of OpenCV run in the same harness; those that draw nothing run once."""
     results = evaluate([name], folder, seeds=2, jobs=0)

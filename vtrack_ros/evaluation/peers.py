@@ -144,22 +144,6 @@ class CamShift(OpenCVTracker):
         return hsv, cv2.inRange(hsv, np.array(self._LOW), np.array(self._HIGH))
 
 
-_CLASSES: tuple[type[OpenCVTracker], ...] = (CSRT, KCF, MIL, MOSSE, CamShift)
-
-
-def peer_names() -> tuple[str, ...]:
-    """Return the names of the peers that the installed OpenCV has."""
-    return tuple(cls.NAME for cls in _CLASSES if cls.available())
-
-
-def peer_class(name: str) -> type[OpenCVTracker]:
-    """Return the class of a peer; ValueError if the installed OpenCV has none of that name."""
-    for cls in _CLASSES:
-        if cls.NAME == name and cls.available():
-            return cls
-    raise ValueError(f'unknown peer {name!r}; valid are ' + ', '.join(peer_names()))
-
-
 def _factory(name: str) -> Any:
     for place in (cv2, getattr(cv2, 'legacy', None)):
         factory = getattr(place, f'{name}_create', None)
@@ -177,3 +161,8 @@ def _colour(frame: Frame) -> Any:
 def _whole(box: Box) -> tuple[int, int, int, int]:
     """Return the box in whole pixels, which is what OpenCV's trackers start on."""
     return (round(box.x), round(box.y), max(1, round(box.width)), max(1, round(box.height)))
+
+
+#: The peers that the installed OpenCV has, by name.
+PEERS: dict[str, type[OpenCVTracker]] = {
+    peer.NAME: peer for peer in (CSRT, KCF, MIL, MOSSE, CamShift) if peer.available()}

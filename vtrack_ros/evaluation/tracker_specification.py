@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from vtrack_ros.evaluation.peers import peer_class, peer_names
+from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.parameters import Value
 from vtrack_ros.trackers import Tracker, tracker_class, tracker_names
 
@@ -84,20 +84,19 @@ def specifications(
 
 
 def _available_peers() -> tuple[str, ...]:
-    names = peer_names()
-    if not names:
+    if not PEERS:
         raise ValueError(
             'this OpenCV has none of the peers; scripts/peers runs with one that has them')
-    return names
+    return tuple(PEERS)
 
 
 def _names() -> tuple[str, ...]:
-    return (*tracker_names(), *peer_names())
+    return (*tracker_names(), *PEERS)
 
 
 def _class(name: str) -> type[Tracker]:
-    if name in peer_names():
-        return peer_class(name)
+    if name in PEERS:
+        return PEERS[name]
     if name.startswith('opencv_'):
         raise ValueError(
             f'{name!r} needs an OpenCV that has it, with its contrib modules (scripts/peers); '
