@@ -46,4 +46,4 @@ def test_links(repository):
     pages = [*repository.glob('*.md'), *(repository / 'docs').rglob('*.md')]
     for page in pages:
         for link in re.findall(r'\]\(([^)#:]+)(?:#[^)]*)?\)', page.read_text()):
-            assert (page.parent / link).exists(), f'{page.name}: {link}'
+            assert (page.parent / link.strip()).exists(), f'{page.name}: {link}'
