@@ -68,21 +68,7 @@ def image(frame: Frame, stamp: int, frame_id: str) -> Any:
 
 
 def compressed_image(frame: Frame, stamp: int, frame_id: str, compression: str) -> Any:
-    """
-    Return a sensor_msgs/msg/CompressedImage.
-
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-        The pixels.
-    stamp : int, [ns]
-        When they were taken.
-    frame_id : str
-        The camera's frame.
-    compression : {'png', 'jpeg'}
-        PNG is lossless, JPEG has quality 90.
-
-    """
+    """Return a sensor_msgs/msg/CompressedImage: png, lossless, or jpeg of quality 90."""
     options = [cv2.IMWRITE_JPEG_QUALITY, 90] if compression == 'jpeg' else []
     _, data = cv2.imencode('.jpg' if compression == 'jpeg' else '.png', frame, options)
     encoding = 'mono8' if frame.ndim == 2 else 'bgr8'

@@ -97,20 +97,9 @@ class Camera:
 
     def ray_and_slope(self, column: float, row: float) -> tuple[Vector, Vector]:
         """
-        Return the ray that a place on the image sees, and its derivative by the place.
+        Return the ray (2,) that a place [px] on the image sees, and its derivative.
 
-        Parameters
-        ----------
-        column, row : float, [px]
-            From the outer corner of the first pixel.
-
-        Returns
-        -------
-        ray : ndarray, shape (2,)
-            x and y at depth 1.
-        slope : ndarray, shape (2, 2), [1/px]
-            Of x and y (rows) by column and row (columns).
-
+        The derivative is that of x and y at depth 1 (rows) by column and row (columns), [1/px].
         """
         step = 1e-2
         around = np.array([[0, 0], [step, 0], [-step, 0], [0, step], [0, -step]])
@@ -126,8 +115,10 @@ class Camera:
     def _undistorted(self, places: Vector) -> Vector:
         """Return x and y at depth 1 of the rays through places on the image, both (n, 2)."""
         sensor = places * self.binning + np.asarray(self.offset) - 0.5
+        if not self.coefficients:
+            return np.asarray((sensor - (self.cx, self.cy)) / (self.fx, self.fy))
         points = sensor[:, None]
-        if self.model == 'equidistant' and self.coefficients:
+        if self.model == 'equidistant':
             rays = cv2.fisheye.undistortPoints(
                 points, self._matrix, self._distortion, criteria=_CRITERIA)
         else:
@@ -198,21 +189,7 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
 
 
 def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:
-    """
-    Return the depth of something of a known size, and its derivative by the box.
-
-    Parameters
-    ----------
-    camera : Camera
-        Whose pixels they are.
-    box : Box
-        What it covers.
-    across : {0, 1}
-        Whether `size` is the width or the height.
-    size : float, [m]
-        The real one.
-
-    """
+    """Return the depth of a box whose width (across 0) or height (1) is `size` [m], and slope."""
     half = np.zeros(2)
     half[across] = (box.width, box.height)[across] / 2
     center = np.array(box.center)

@@ -43,23 +43,8 @@ def detections(types: Types, header: Any, box: Box | None, angle: float = 0.0,
     """
     Return a Detection2DArray of one box, or an empty one for None.
 
-    Parameters
-    ----------
-    types : mapping of str to type
-        The message types.
-    header : std_msgs/msg/Header
-        The image's.
-    box : Box or None
-        In pixels of the image.
-    angle : float, [rad]
-        The rotation about the optical axis, which goes into the hypothesis' pose.
-    score : float
-        How sure it is, from 0 to 1.
-    class_id, target_id : str
-        What the target is called.
-    covariance : ndarray, shape (3, 3), [px^2], optional
-        Of the centre, z included.
-
+    The angle [rad] about the optical axis and the covariance (3, 3) [px^2] of the centre, z
+    included, go into the hypothesis' pose.
     """
     found = []
     if box is not None:

@@ -20,25 +20,10 @@ from vtrack_ros.frame import Frame
 
 @dataclass(frozen=True)
 class _Encoding:
-    """
-    How the pixels of an encoding lie in memory, and how they become a frame.
-
-    Parameters
-    ----------
-    channels : int
-        Values per pixel.
-    convert : int, optional
-        The OpenCV code that turns (H, W, channels) into BGR; None where that's what they are.
-    bits : int
-        Bits per value, 8 or 16.
-    width_multiple : int
-        What the width must be a multiple of.
-    minimum_size : int
-        The smallest width and height, in pixels.
-
-    """
+    """How the pixels of an encoding lie in memory, and how they become a frame."""
 
     channels: int
+    #: The OpenCV code that turns (H, W, channels) into BGR; None where that's what they are.
     convert: int | None = None
     bits: int = 8
     width_multiple: int = 1
@@ -95,11 +80,6 @@ def to_frame(message: Any) -> Frame:
     Sixteen bits become eight by full scale: 65535 is 255, whatever the image holds, so that the
     brightness of a scene doesn't jump from frame to frame.
 
-    Parameters
-    ----------
-    message : sensor_msgs/msg/Image
-        Or anything with its attributes.
-
     Returns
     -------
     frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
@@ -139,14 +119,7 @@ def compressed_to_frame(message: Any) -> Frame:
     """
     Return the pixels of a compressed image message (JPEG, PNG or whatever else OpenCV reads).
 
-    Parameters
-    ----------
-    message : sensor_msgs/msg/CompressedImage
-        Or anything with its attributes.
-
-    Returns
-    -------
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+    Of shape (H, W, 3) in BGR order or (H, W), as `to_frame`.
 
     Raises
     ------
@@ -181,20 +154,7 @@ def fill_image(message: Any, frame: Frame, encoding: str | None = None) -> None:
     """
     Write a frame into an image message: size, encoding, step and data, but not the header.
 
-    Parameters
-    ----------
-    message : sensor_msgs/msg/Image
-        Or anything with its attributes.
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-        The pixels.
-    encoding : str, optional
-        One of `WRITABLE_ENCODINGS`; by default mono8 or bgr8, as the frame is.
-
-    Raises
-    ------
-    ValueError
-        If the encoding isn't one of them.
-
+    The encoding is one of `WRITABLE_ENCODINGS`, or a ValueError; by default as the frame is.
     """
     own = 'mono8' if frame.ndim == 2 else 'bgr8'
     encoding = own if encoding is None else encoding

@@ -45,18 +45,8 @@ def pose_with_covariance(types: Types, position: Sequence[float] | NDArray[np.fl
     """
     Return a geometry_msgs/msg/PoseWithCovariance, over (x, y, z, about x, about y, about z).
 
-    Parameters
-    ----------
-    types : mapping of str to type
-        As above.
-    position : array_like, shape (3,)
-        The place.
-    angle : float, [rad]
-        About the optical axis.
-    covariance : ndarray, shape (3, 3), or None
-        The position's; None: nothing is known, all of it is 0. No tracker estimates how sure it is
-        of the rotation: its variances are those of a uniform angle.
-
+    `covariance` (3, 3) is the position's; None: nothing is known, all is 0. No tracker estimates
+    how sure it is of the rotation: its variances are those of a uniform angle.
     """
     full = np.zeros((6, 6))
     if covariance is not None:

@@ -65,24 +65,9 @@ def best_hypothesis(detection: Any) -> tuple[str, float]:
 
 def best_detection(message: Any, class_id: str, score: float, source: str) -> Selection | None:
     """
-    Return the best detection of a class as a selection.
+    Return the best detection of a Detection2DArray as a selection; None where none will do.
 
-    Parameters
-    ----------
-    message : vision_msgs/msg/Detection2DArray
-        What a detector found.
-    class_id : str
-        The class; empty: any.
-    score : float
-        The least score.
-    source : str
-        For messages.
-
-    Returns
-    -------
-    Selection or None
-        None where none is good enough.
-
+    It is of the class `class_id` (empty: any), and its score is at least `score`.
     """
     found: list[tuple[float, Selection]] = []
     for detection in message.detections:

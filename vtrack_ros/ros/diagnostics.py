@@ -33,13 +33,6 @@ class Diagnostics:
     """
     Watches the flow of images, and reports on ~/state and /diagnostics.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    publishers : Publishers
-    make_state : callable
-        Returns the target's state.
-
     Attributes
     ----------
     flow : FrameFlow
@@ -121,23 +114,9 @@ class Diagnostics:
 def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | None,
                  values: Mapping[str, str], stale: bool = False) -> DiagnosticStatus:
     """
-    Return the target's state.
+    Return the target's state, for the node's full name, the tracker's and that of the state.
 
-    Parameters
-    ----------
-    name : str
-        The node's full name.
-    tracker : str
-        The tracker's name.
-    state_name : str
-        The state: that of the estimate, or why there is none.
-    estimate : Estimate or None
-        What the tracker knows.
-    values : mapping of str to str
-        More to tell.
-    stale : bool
-        Whether the estimate is no longer of what the camera sees now.
-
+    `values` are more to tell; `stale`, whether the estimate is no longer of what the camera sees.
     """
     rows = {'tracker': tracker, **values}
     level = DiagnosticStatus.OK
@@ -159,28 +138,10 @@ def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | 
 def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
            topic: str) -> tuple[int, str, dict[str, str]]:
     """
-    Judge the flow since the last report.
+    Judge the flow since the last report: level (0 well, 1 a warning, 2 an error), text, values.
 
-    Parameters
-    ----------
-    flow : FrameFlow
-        What came and what didn't.
-    now : int, [ns]
-        On the clock that `FrameFlow.arrived` was given.
-    faults : sequence of str
-        QoS mismatches.
-    publishers : int
-        How many the image topic has.
-    topic : str
-        The image topic.
-
-    Returns
-    -------
-    level : int
-        0 well, 1 a warning, 2 an error.
-    message : str
-    values : dict of str to str
-
+    `now` [ns] is on the clock of `FrameFlow.arrived`; `faults` are QoS mismatches, `publishers`
+    those of the image topic.
     """
     rate = flow.rate(now)
     received, malformed, missing = flow.recent()

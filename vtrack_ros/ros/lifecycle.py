@@ -18,16 +18,7 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
     Unconfigured it has its parameters alone. Configured, it offers its topics and services;
     active, it takes images. Deactivating keeps the target, cleaning up forgets it.
 
-    Parameters
-    ----------
-    **arguments
-        Those of rclpy.lifecycle.LifecycleNode.
-
-    Raises
-    ------
-    TypeError, ValueError, rclpy.exceptions.ParameterException
-        If a parameter is wrong from the start.
-
+    The arguments are those of rclpy's node, the errors those of ParameterNode.
     """
 
     def __init__(self, **arguments: Any) -> None:

@@ -43,20 +43,9 @@ def lifecycle_main(arguments: Sequence[str] | None = None) -> int:
 
 def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> int:
     """
-    Make a node and spin it until SIGINT or SIGTERM, on one thread.
+    Make a node, once ROS is up, and spin it on one thread until SIGINT or SIGTERM.
 
-    Parameters
-    ----------
-    create : callable
-        Makes the node, once ROS is up.
-    arguments : sequence of str, optional
-        The command line; that of the process by default.
-
-    Returns
-    -------
-    int
-        0 after a signal, 2 if a parameter was wrong from the start.
-
+    Returns the exit code: 0 after a signal, 2 if a parameter was wrong from the start.
     """
     # A target is too small for the threads of a matrix product to pay; on a robot they only take
     # the time of others. Read when NumPy is loaded, which is later.

@@ -53,14 +53,7 @@ class NodeLog:
 
 
 class Pipeline:
-    """
-    Tracks the target through the images that a node receives, and publishes where it is.
-
-    Parameters
-    ----------
-    node : ParameterNode
-
-    """
+    """Tracks the target through the images that a node receives, and publishes where it is."""
 
     def __init__(self, node: ParameterNode) -> None:
         self._node = node

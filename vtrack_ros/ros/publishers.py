@@ -31,17 +31,7 @@ _TRAIL = 60
 
 
 class Publishers:
-    """
-    The publishers of a tracking node.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    types : MessageTypes
-    with_vision : bool
-        Whether vision_msgs is installed.
-
-    """
+    """The publishers of a tracking node; those of vision_msgs where it's installed."""
 
     def __init__(self, node: Node, types: MessageTypes, with_vision: bool) -> None:
         self._node = node

@@ -26,18 +26,8 @@ class Input:
     A subscription that takes the reliability that the publisher offers, and the newest alone.
 
     It begins reliable, and turns to best effort as soon as a publisher shows up that offers no
-    more: a publisher that waits for its match before it sends loses nothing by that.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    kind : type
-        The message type.
-    topic : str
-    callback : callable
-        Called with a message, or with it and its info, a dict of time stamps.
-    reliability : {'auto', 'reliable', 'best_effort'}
-
+    more: a publisher that waits for its match before it sends loses nothing by that. The callback
+    takes a message, or the message and its info, a dict of time stamps.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, callback: Callable[..., None],
@@ -150,16 +140,7 @@ def image_topic(node: Node, transport: str) -> str:
 
 
 class OutputFaults:
-    """
-    Collects the subscribers of our outputs that asked for what we don't offer.
-
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    offered : rclpy.qos.QoSProfile
-        What all of the outputs offer.
-
-    """
+    """Collects the subscribers of our outputs that asked for what none of them offers."""
 
     def __init__(self, node: Node, offered: QoSProfile) -> None:
         self._node = node

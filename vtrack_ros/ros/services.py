@@ -20,22 +20,7 @@ class Services:
     """
     Subscribes to the selections, and offers the services.
 
-    Parameters
-    ----------
-    node : ParameterNode
-    types : MessageTypes
-    with_vision : bool
-        Whether vision_msgs is installed.
-    target : Target
-    log : Log
-    changed : callable
-        Called after the target or the pause changed.
-
-    Attributes
-    ----------
-    paused : bool
-        Whether no image is to be looked at.
-
+    `changed` is called after the target or `paused` changed: whether images are left alone.
     """
 
     def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool,

@@ -12,16 +12,7 @@ class TrackerNode(ParameterNode):
     """
     Tracks a target in the images that it receives; docs/node.md describes its face.
 
-    Parameters
-    ----------
-    **arguments
-        Those of rclpy.node.Node.
-
-    Raises
-    ------
-    TypeError, ValueError, rclpy.exceptions.ParameterException
-        If a parameter is wrong from the start.
-
+    The arguments are those of rclpy's node, the errors those of ParameterNode.
     """
 
     def __init__(self, **arguments: Any) -> None:

@@ -20,19 +20,7 @@ LONGEST_STEP = 30.0
 
 @dataclass(frozen=True)
 class LastMeasurement:
-    """
-    Where and when the target was last measured, and what it looked like.
-
-    Parameters
-    ----------
-    frame : ndarray of uint8
-        The pixels.
-    stamp : int, [ns]
-        When they were taken.
-    box : Box
-        The target's.
-
-    """
+    """The target's box where it was last measured, on that frame, stamped in nanoseconds."""
 
     frame: Frame
     stamp: int
@@ -92,33 +80,11 @@ class TrackingSession:
         return self._last_measurement
 
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
-        """
-        Begin on the target in `box`; errors as `Tracker.start`.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-            The pixels.
-        stamp : int, [ns]
-            When they were taken.
-        box : Box
-            May reach beyond the image.
-
-        """
+        """Begin on the target in `box` of a frame stamped in ns; errors as `Tracker.start`."""
         return self._start(self._create(self._name), frame, stamp, box)
 
     def update(self, frame: Frame, stamp: int) -> Estimate | None:
-        """
-        Take the next frame; None where there is no target (any more).
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-            The pixels.
-        stamp : int, [ns]
-            When they were taken.
-
-        """
+        """Take the next frame, stamped in ns; None where there is no target (any more)."""
         if self._estimate is None or self._frame is None:
             return None
         if stamp < self._stamp or frame.shape != self._frame.shape:

@@ -94,17 +94,7 @@ class Target:
         return lost and self._selector.pending is None
 
     def update(self, frame: Frame, stamp: int) -> Estimate | None:
-        """
-        Take the next frame; None while there is no target.
-
-        Parameters
-        ----------
-        frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-            The pixels.
-        stamp : int, [ns]
-            When they were taken.
-
-        """
+        """Take the next frame, stamped in nanoseconds; None while there is no target."""
         shape, self._shape = self._shape, frame.shape
         before = self.estimate
         try:
