@@ -226,12 +226,7 @@ class AffineKeypointReplica(AffineParticleTracker):
 
 
 class AffineReplica(AffineParticleTracker):
-    """
-    The affine-group particle filter without keypoints [Kwon and Park 2010].
-
-    A baseline of [Xiang]: colour, subspace, and the autoregressive process alone. Nothing had to
-    be mended.
-    """
+    """The affine-group particle filter without keypoints [Kwon and Park 2010]; nothing mended."""
 
     NAME = 'affine_pf_paper'
     SUMMARY = 'affine-group particle filter, a baseline of Xiang et al.'
@@ -242,8 +237,8 @@ class SubspaceReplica(AffineParticleTracker):
     """
     PPCA: a particle filter over geometric parameters and a subspace of patches [Ross2008].
 
-    A baseline of [Xiang]: independent random walks of six parameters, and the likeliest particle
-    for the estimate (sec. 4.1). Nothing had to be mended; how old patches fade is in `Subspace`.
+    Independent random walks, and the likeliest particle for the estimate (sec. 4.1); nothing had
+    to be mended. How old patches fade is in `Subspace`.
     """
 
     NAME = 'ppca_paper'

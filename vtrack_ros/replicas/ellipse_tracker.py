@@ -73,12 +73,10 @@ class MeanShiftReplica(Tracker):
     """
     ABMS: mean shift with an adaptive bandwidth, the baseline of [Yin2013, sec. 1.1].
 
-    The target is the ellipse of eq. 8, compared by its colours (eqs 1, 4, 5). It has no
-    particles: where the similarity falls to r, it searches the whole frame at once for blobs of
-    the target's colours.
-
-    Misprints, mended always, for nothing can be run with them: eq. 2's denominator lacks the
-    weights and has a factor `s` too many; eq. 10 has `h11 - h12` for `h11 - h22`.
+    The target is the ellipse of eq. 8, compared by its colours (eqs 1, 4, 5). Where the similarity
+    falls to r, it searches the whole frame at once for blobs of these colours. Misprints, mended
+    always, for nothing can be run with them: eq. 2's denominator lacks the weights and has a
+    factor `s` too many; eq. 10 has `h11 - h12` for `h11 - h22`.
 
     Mended:
 
@@ -93,10 +91,6 @@ class MeanShiftReplica(Tracker):
     `as_printed` undoes both: no weights, and the matrix is eq. 11's in every frame (step 4), one
     iteration a frame. The range about the first matrix stays, or an ellipse on a background of
     the same colours would grow without end.
-
-    Where the paper is silent: search begins in the frame in which it's found necessary (steps 7
-    and 8); while it fails, the mean of the particles about the forecast is reported, not the best
-    of them, which is the likest piece of background.
     """
 
     NAME = 'abms_paper'
@@ -136,12 +130,12 @@ class MeanShiftReplica(Tracker):
         if match is None:
             self._searched_frames += dt
             self._velocity *= 0.9**dt
-            self._center = self._inside(expected, frame)
+            self._center = _inside(expected, frame)
             return self._estimate(frame, 0.0, points)
         step = (match.place - self._center) / dt
         self._velocity = np.zeros(2) if self._searched_frames else (self._velocity + step) / 2
         self._searched_frames = 0.0
-        self._center = self._inside(match.place, frame)
+        self._center = _inside(match.place, frame)
         if match.zeta >= self._accepted:
             self._trusted = self._matrix
         self._adapt(frame, match.zeta)
@@ -231,10 +225,6 @@ class MeanShiftReplica(Tracker):
         major, minor, angle = axes_of_bandwidth(self._bandwidth)
         return turned(angle, previous) if major > _ROUND * minor else previous
 
-    def _inside(self, center: Array, frame: Frame) -> Array:
-        height, width = frame.shape[:2]
-        return np.clip(center, 0.0, (width - 1.0, height - 1.0))
-
     def _estimate(self, frame: Frame, zeta: float, points: Array) -> Estimate:
         searched = self._searched_frames
         box = bounds_of_bandwidth(_point(self._center), self._bandwidth)
@@ -262,7 +252,8 @@ class MeanShiftParticleReplica(MeanShiftReplica):
     distance and the similarity (eqs 13-15). The particles converge on the result and are redrawn
     about it (sec. 2.2). A search in three stages begins where the two contradict each other or
     nothing is like the target (sec. 2.4): one step ahead, near it, and after ten frames
-    everywhere. What is mended is `MeanShiftReplica`'s, and so is `as_printed`.
+    everywhere; while it fails, the particles' mean about the forecast is reported, not the best of
+    them, which is the likest piece of background. What's mended is as in `MeanShiftReplica`.
     """
 
     NAME = 'abmspf_paper'
@@ -319,6 +310,10 @@ def _bounded_frame(matrix: Array, first: Array) -> Array:
     axes = mean * np.array([math.sqrt(elongation), 1 / math.sqrt(elongation)])
     result: Array = (left * axes) @ right
     return result
+
+
+def _inside(center: Array, frame: Frame) -> Array:
+    return np.clip(center, 0.0, np.subtract(frame.shape[1::-1], 1.0))
 
 
 def _point(place: Array) -> Point:

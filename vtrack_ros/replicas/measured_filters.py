@@ -13,10 +13,6 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter, WEIGHTING
 from vtrack_ros.replicas.cues import FusionRule, normalised_masses
 
-_PRINTED_FILTER = ParameterTable([
-    Parameter('as_printed', False, 'Weights with prior over proposal, and a covariance that each '
-              'particle keeps; in force at the next start.'),
-])
 _QUADRATURE = ParameterTable([
     *(replace(BOX_PARAMETERS[name], default=default) for name, default in (
         ('cues', 'colour+motion_edge'), ('kernel', 'epanechnikov'), ('threshold', 0.5))),
@@ -42,7 +38,9 @@ class MeasuredParticleFilter(BoxParticleFilter):
     weighted mean before resampling, of which [Qi2012, sec. 2.2 f] takes a sample.
     """
 
-    PARAMETERS = BOX_PARAMETERS + WEIGHTING + _PRINTED_FILTER
+    PARAMETERS = BOX_PARAMETERS + WEIGHTING + ParameterTable([
+        Parameter('as_printed', False, 'Weights with prior over proposal, and a covariance that '
+                  'each particle keeps; in force at the next start.')])
     _measures = True
 
     @abstractmethod
