@@ -26,6 +26,7 @@ def test_confidence_is_a_share_whatever_the_similarity(similarity):
 def test_absence_is_counted_in_frames_and_not_from_one_bad_frame():
     """One bad frame among good ones is none; the second one is; another place begins anew."""
     presence = PresenceDetector()
+    assert presence.unseen_frames == 0
     presence.judge(0.0, 0.3, 1.0)
     assert presence.unseen_frames == 0
     for _ in range(5):
@@ -37,6 +38,11 @@ def test_absence_is_counted_in_frames_and_not_from_one_bad_frame():
     assert presence.unseen_frames == 5 and presence.confidence < 0.2
     presence.judge(0.3, 0.3, 1.0, elsewhere=True)
     assert presence.unseen_frames == 0 and presence.confidence > 0.9
+    # the margin is the new place's alone, and no case is clearer than 0.1
+    anew = PresenceDetector()
+    assert presence.confidence == anew.confidence
+    anew.judge(0.3, 0.3, 1.0)
+    assert presence.confidence == anew.confidence == logistic(0.1 / 0.02)
 
 
 def test_what_is_plain_to_see_has_to_be_plain():
@@ -69,4 +75,5 @@ def test_an_unseen_target_may_be_a_side_away_and_farther_later():
     np.testing.assert_allclose(unseen[:2]**2, 2**2 + 20**2)
     np.testing.assert_allclose(later[:2]**2, 2**2 + 2 * 20**2)
     np.testing.assert_allclose(later[2:], unseen[2:])
-    assert (unseen[2:] > seen[2:]).all()
+    np.testing.assert_allclose(unseen[2:]**2, 4**2 + 6**2)
+    assert unknown_covariance(0.1, 0.2, 400.0, 0.0).shape == (4, 4)

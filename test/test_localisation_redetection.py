@@ -151,15 +151,45 @@ def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
     assert len(over) == (1 if jumps else 5) and over[-1] and verdict.elsewhere
 
 
-@pytest.mark.parametrize('there, jumps', [(0.16, False), (0.18, True)])
-def test_a_jump_has_to_gain_enough(known, there, jumps):
-    """Here it's plausible; a twentieth more is what another place has to have, not less."""
-    redetection = search(known[0], Verifier(there), (5.0, 3.0), 36.0)
-    over = []
+@pytest.mark.parametrize('usual, here, there, jumps', [
+    (0.7, 0.12, 0.165, False), (0.7, 0.12, 0.175, True),  # 0.05 more, the level
+    (0.2, 0.12, 0.135, False), (0.2, 0.12, 0.145, True),  # 0.02 more, the share
+    (0.7, -0.1, 0.125, False), (0.7, -0.1, 0.135, True),  # trusted in any case
+])
+def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
+    """A tenth of what's usual, or a twentieth in all, more than the place has that it leaves."""
+    redetection = search(
+        replace(known[0], usual_similarity=usual), Verifier(there), (5.0, 3.0), 36.0)
+    over = False
     for count in range(1, 6):
         frame = VIDEO.frame((HERE[0] + 5.0 * (36 + count), HERE[1] + 3.0 * (36 + count)))
-        over.append(redetection.update(frame, known[0], 0.12, 0.5, 1.0).over)
-    assert over[-1] is jumps and not any(over[:-1])
+        over = over or redetection.update(frame, known[0], here, 0.5, 1.0).over
+    assert over is jumps
+
+
+@pytest.mark.parametrize('here, frames', [(0.034, 1), (0.036, 5)])
+def test_the_present_place_of_a_faint_target_is_plausible_sooner(known, here, frames):
+    """From 0.35 of what's usual on; then a jump takes three better places, else one."""
+    faint = replace(known[0], usual_similarity=0.1)
+    redetection = search(faint, Verifier(0.5), (5.0, 3.0), 36.0)
+    for count in range(1, 7):
+        frame = VIDEO.frame((HERE[0] + 5.0 * (36 + count), HERE[1] + 3.0 * (36 + count)))
+        if redetection.update(frame, faint, here, 0.5, 1.0).over:
+            break
+    assert count == frames
+
+
+def test_the_way_on_grows_with_the_time_of_each_frame(known):
+    """With seven frame intervals between the frames, seven steps a frame."""
+    snapshot, template = replace(known[0], center=(60.0, 90.0)), known[1]
+    redetection = search(snapshot, template, (4.0, 2.0), 2.0)
+    nothing = VIDEO.frame(None)
+    for _ in range(4):
+        assert not redetection.update(nothing, snapshot, 0.0, 0.1, 7.0).over
+    place = (60.0 + 4.0 * 37, 90.0 + 2.0 * 37)
+    verdict = redetection.update(VIDEO.frame(place), snapshot, 0.0, 0.1, 7.0)
+    assert verdict.elsewhere
+    assert np.hypot(*np.subtract(verdict.live.center, place)) < 4
 
 
 def test_the_size_of_an_uncertain_target_is_bounded(known):
@@ -174,6 +204,8 @@ def test_velocity_is_a_running_mean_of_whole_steps():
     assert velocity.velocity == (0.0, 0.0)
     velocity.begin((18.0, 10.0), 1.0)
     assert velocity.velocity == (pytest.approx(0.3 * 4), 0.0)
+    velocity.begin((18.0, 13.0), 1.0)
+    assert velocity.velocity == (pytest.approx(0.7 * 0.3 * 4), pytest.approx(0.3 * 3))
     velocity.interrupt()
     velocity.begin((100.0, 10.0), 1.0)
-    assert velocity.velocity == (pytest.approx(0.3 * 4), 0.0)
+    assert velocity.velocity == (pytest.approx(0.7 * 0.3 * 4), pytest.approx(0.3 * 3))
