@@ -210,7 +210,8 @@ class Client:
         if not answered:
             return None
         self.until(lambda: len(heard) > before, 'no answer to an image')
-        assert heard[-1].header == message.header
+        assert heard[-1].header == message.header, (
+            message.header.stamp, [answer.header.stamp for answer in heard[before - 1:]])
         return heard[-1]
 
     def state_after(self, answer: object) -> dict:
