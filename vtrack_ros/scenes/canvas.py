@@ -5,8 +5,6 @@ A shape is (height, width) in pixels, and so are cells; a length of 1 has `unit`
 Pictures are float32, shape (H, W, 3), noise is float32, shape (H, W).
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

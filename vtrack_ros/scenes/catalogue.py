@@ -1,7 +1,5 @@
 """The scenes by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 import zlib

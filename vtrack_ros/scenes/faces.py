@@ -1,7 +1,5 @@
 """Faces from any side, and scenes with one: fast motion, a change of pose, a change of light."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 import math
 

@@ -1,7 +1,5 @@
 """People who stand, walk and run."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 import math
 

@@ -1,7 +1,5 @@
 """Rooms: what stands behind people indoors."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

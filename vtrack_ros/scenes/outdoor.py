@@ -1,7 +1,5 @@
 """Places in the open: a park, a football pitch, a shopping street, a road, a town in hills."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes with people on foot: occlusion, look-alikes, leaving and coming back."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Rounded solids, lit and seen from the front: what heads and bodies are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import math

@@ -1,7 +1,5 @@
 """Things with an outline: where they stand, and how they move."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A scene put together and filmed: backdrop, actors, camera and light become frames."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 import math

@@ -1,7 +1,5 @@
 """Scenes with vehicles: the fourth paper's car and helicopter."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

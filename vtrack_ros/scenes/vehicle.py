@@ -1,7 +1,5 @@
 """Cars and helicopters, from any side."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 import math
 
