@@ -97,9 +97,8 @@ def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
     """
     Return how far keypoints land from their matches if the target moved into each affine frame.
 
-    The weighted mean square of the distances, [px^2], shape (N,), from where `before` has them
-    [Xiang, sec. 3.3.3; the text sums, which would make the term's weight depend on how many
-    keypoints there happen to be].
+    The weighted mean square of the distances, [px^2], shape (N,) [Xiang, sec. 3.3.3; the text
+    sums, which would make the term's weight depend on how many keypoints there happen to be].
     """
     moves = states @ affine.inverse(before)
     # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments

@@ -24,15 +24,7 @@ Colours = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class ColourModel:
-    """
-    Colour histograms of target and surroundings, and their likelihood ratio.
-
-    Parameters
-    ----------
-    target, surroundings : ndarray of float32, shape (colours,)
-        Normalised histograms.
-
-    """
+    """Normalised colour histograms of target and surroundings, and their likelihood ratio."""
 
     target: NDArray[np.float32]
     surroundings: NDArray[np.float32]

@@ -44,10 +44,9 @@ _USUAL_CHROMA = 30.0
 def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, float],
                   shape: tuple[int, int]) -> Frame:
     """
-    Resample a window, centre and size in pixels, to a fixed shape (rows, columns).
+    Resample a window, centre and size in pixels, to (rows, columns); the frame's border repeats.
 
-    What's outside the frame repeats its border. Where several pixels fall on one sample, a regular
-    subset of them is used. A window of whole pixels inside the frame is the quickest.
+    Where several pixels fall on one sample, a regular subset of them is used.
     """
     rows, columns = shape
     step_x, step_y = size[0] / columns, size[1] / rows
@@ -153,8 +152,8 @@ def colour_names(pixels: Frame) -> Features:
 
     Black, blue, brown, grey, green, orange, pink, purple, red, white and yellow (Berlin and Kay),
     by a Gaussian kernel on the distance in CIE Lab; of these eleven dimensions the seven in which
-    usual colours, those near grey, have most of their energy. Scalar products hardly change. From
-    shape (rows, columns, 3) to (7, rows, columns).
+    usual colours, those near grey, have most of their energy. From (rows, columns, 3) to (7, rows,
+    columns).
     """
     return _table().take(rgb555(pixels), axis=0).transpose(2, 0, 1)
 

@@ -80,11 +80,10 @@ class KeypointDetector:
 def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
         NDArray[np.intp], NDArray[np.intp]]:
     """
-    Return which known descriptors were seen again, and as which.
+    Return which known descriptors (M, d) were seen (N, d) again, and as which: rows of either.
 
     A match has to be better than the second best by Lowe's ratio. What was seen may be more than
-    one of those known, if they're about as near: then they are views of the same keypoint. Returns
-    the rows of `known`, shape (M, d), and those of `seen`, shape (N, d).
+    one of those known, if they're about as near: then they are views of the same keypoint.
     """
     if not len(known) or len(seen) < 2:
         none = np.zeros(0, np.intp)

@@ -208,10 +208,9 @@ def _frequencies(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
 @lru_cache(maxsize=32)
 def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
     """
-    Return the tapered Fourier transform of real maps as two matrices.
+    Return the tapered Fourier transform of real maps: matrices for the right and for the left.
 
-    The first is to be multiplied with a map from the right, real and imaginary parts interleaved,
-    the second with the result from the left.
+    Real and imaginary parts of the first are interleaved.
     """
     over_columns = np.fft.rfft(np.diag(taper(columns))).astype(np.complex64).view(np.float32)
     return over_columns, np.fft.fft(np.diag(taper(rows))).T.astype(np.complex64)
@@ -225,11 +224,10 @@ def taper(length: int) -> Array:
 @lru_cache(maxsize=32)
 def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.float32]]:
     """
-    Return the inverse as two matrices.
+    Return the inverse: matrices for a spectrum's left, and for the result's right.
 
-    The first is to be multiplied with a spectrum from the left, the second with the result, real
-    and imaginary parts interleaved, from the right: it makes real series from their non-negative
-    frequencies.
+    The second makes real series from their non-negative frequencies, whose real and imaginary
+    parts are interleaved.
     """
     half = np.eye(columns // 2 + 1)
     parts = np.stack([np.fft.irfft(half, columns), np.fft.irfft(1j * half, columns)], axis=1)

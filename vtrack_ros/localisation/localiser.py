@@ -89,9 +89,9 @@ class Localiser:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
-        `response` is that of `localise`, `dt` the time since the last frame, in frames. Returns
-        whether the target was found again elsewhere; where it wasn't, the centre is the given one,
-        or next to it: near the window's border a place is localised twice.
+        Returns whether the target was found again elsewhere. Where it wasn't, the centre is the
+        given one, or next to it: near the border of the response's window a place is localised
+        twice.
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame))

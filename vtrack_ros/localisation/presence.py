@@ -148,9 +148,8 @@ def unknown_covariance(
     """
     Return the covariance of what a filter doesn't know of: its cues' errors, and not seeing.
 
-    Of (centre x, centre y, width, height), [px^2], for a target of that area that hasn't been seen
-    for so many frames, 0 if it was in this one. The errors are standard deviations while it's
-    seen, as shares of its mean side.
+    Of (centre x, centre y, width, height), shape (4, 4), [px^2], for a target that hasn't been
+    seen for so many frames. The errors, while it's seen, are shares of its mean side.
     """
     center, size = center_error**2, size_error**2
     if frames:

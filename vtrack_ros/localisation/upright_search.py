@@ -72,11 +72,10 @@ class UprightResponse:
 
 class UprightSearch:
     """
-    Shows a localiser the frame turned back by the target's own rotation.
+    Shows a localiser the frame turned back by the target's own rotation, as it stood at the start.
 
-    Correlation filters know a target in one orientation. The part of the frame about the target is
-    turned so that the target stands as it did at the start; places go through that rotation on the
-    way in and out. Between the frames the localiser's centre is in the frame's coordinates.
+    Correlation filters know a target in one orientation. Only the part about the target is turned;
+    places go through that rotation on the way in and out.
     """
 
     def __init__(self, localiser: Localiser) -> None:
