@@ -161,9 +161,9 @@ class Player:
         if wanted is None:
             chosen = [topic for topic in known.values() if topic.count]
         else:
-            names = [absolute(name) for name in wanted]
+            names = dict.fromkeys(map(absolute, wanted))
             self._check_known(names)
-            chosen = [known[name] for name in dict.fromkeys(names)]
+            chosen = [known[name] for name in names]
         playable = []
         for topic in chosen:
             try:
@@ -210,17 +210,12 @@ class Player:
                        reliability=reliability, durability=durability))
 
     def _clock_publisher(self) -> Any:
-        from builtin_interfaces.msg import Time
         from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from rclpy.time import Time
         from rosgraph_msgs.msg import Clock
         publisher = self._node.create_publisher(
             Clock, '/clock', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
-
-        def publish(now: int) -> None:
-            seconds, nanoseconds = divmod(now, 1_000_000_000)
-            publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-        return publish
+        return lambda now: publisher.publish(Clock(clock=Time(nanoseconds=now).to_msg()))
 
 
 def _message_class(name: str) -> Any:

@@ -3,55 +3,49 @@
 from __future__ import annotations
 
 from argparse import ArgumentTypeError
+from collections.abc import Callable
 import math
+from typing import TypeVar
 
 from vtrack_ros.geometry import Box
+
+Number = TypeVar('Number', int, float)
 
 
 def positive_integer(text: str) -> int:
     """Read a whole number from 1 on."""
-    value = _integer(text)
-    if value is None or value < 1:
-        raise ArgumentTypeError(f'must be a whole number from 1 on, not {text!r}')
-    return value
+    return _number(text, int, 1, math.inf, 'a whole number from 1 on')
 
 
 def seed(text: str) -> int:
     """Read a whole number from 0 on, as seeds are."""
-    value = _integer(text)
-    if value is None or not 0 <= value < 2 ** 31:
-        raise ArgumentTypeError(f'must be a whole number from 0 to {2 ** 31 - 1}, not {text!r}')
-    return value
+    return _number(text, int, 0, 2 ** 31 - 1, f'a whole number from 0 to {2 ** 31 - 1}')
 
 
 def positive_number(text: str) -> float:
     """Read a number above 0."""
-    value = _number(text)
-    if not value > 0:
-        raise ArgumentTypeError(f'must be a number above 0, not {text!r}')
-    return value
+    return _number(text, float, math.ulp(0.0), math.inf, 'a number above 0')
 
 
 def duration(text: str) -> float:
     """Read a number of seconds, 0 included."""
-    value = _number(text)
-    if not value >= 0:
-        raise ArgumentTypeError(f'must be a number of seconds from 0 on, not {text!r}')
-    return value
+    return _number(text, float, 0.0, math.inf, 'a number of seconds from 0 on')
 
 
 def image_size(text: str) -> tuple[int, int]:
     """Read a size such as 640x480."""
-    sizes = [_integer(part) for part in text.lower().split('x')]
-    if len(sizes) != 2 or sizes[0] is None or sizes[1] is None or min(sizes[0], sizes[1]) < 1:
-        raise ArgumentTypeError(f'must be WIDTHxHEIGHT in pixels, such as 640x480, not {text!r}')
-    return sizes[0], sizes[1]
+    try:
+        width, height = map(positive_integer, text.lower().split('x'))
+    except (ArgumentTypeError, ValueError):
+        raise ArgumentTypeError(
+            f'must be WIDTHxHEIGHT in pixels, such as 640x480, not {text!r}') from None
+    return width, height
 
 
 def box(text: str) -> Box:
     """Read a box such as 10,20,30,40."""
     try:
-        x, y, width, height = (float(part) for part in text.split(','))
+        x, y, width, height = map(float, text.split(','))
     except ValueError:
         raise ArgumentTypeError(
             f'must be X,Y,WIDTH,HEIGHT in pixels, such as 10,20,30,40, not {text!r}') from None
@@ -61,17 +55,12 @@ def box(text: str) -> Box:
         raise ArgumentTypeError(f'{text!r}: {error}') from None
 
 
-def _integer(text: str) -> int | None:
+def _number(text: str, kind: Callable[[str], Number], low: float, high: float,
+            valid: str) -> Number:
     try:
-        return int(text)
+        value = kind(text)
+        if math.isfinite(value) and low <= value <= high:
+            return value
     except ValueError:
-        return None
-
-
-def _number(text: str) -> float:
-    """Return a finite number, or NaN for anything else."""
-    try:
-        value = float(text)
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan
+        pass
+    raise ArgumentTypeError(f'must be {valid}, not {text!r}')

@@ -69,16 +69,10 @@ def _run(words: list[str]) -> int:
         near = get_close_matches(name, _COMMANDS, 1)
         hint = f'did you mean {near[0]}?' if near else listed
         return complain('vtrack', f'unknown command {name!r}; {hint}')
-    if name == '--version':
-        print('vtrack', __version__)
-        return 0
     prog = f'vtrack {name}'
     try:
-        parser = _parser(name)
-        if name == 'help':
-            parser.print_help()
-            return 0
-        arguments = parser.parse_args(negative_values(words))
+        arguments = _parser(name).parse_args(
+            ['--help'] if name == 'help' else negative_values(words))
         return int(arguments.run(arguments))
     except ModuleNotFoundError as error:
         package = (error.name or '').partition('.')[0]
@@ -101,7 +95,7 @@ def _parser(called: str) -> Parser:
     """Return a parser that knows all commands by name, and the called one by its arguments."""
     parser = Parser('vtrack', description='Bags of images, and trackers that follow a target in '
                     'them.', epilog='vtrack COMMAND --help tells more, with examples.')
-    parser.add_argument('--version', action='store_true', help='show the version and end')
+    parser.add_argument('--version', action='version', version=f'vtrack {__version__}')
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for name, summary in _COMMANDS.items():
         command = commands.add_parser(

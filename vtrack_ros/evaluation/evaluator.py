@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 from vtrack_ros.bags.errors import SequenceError
@@ -125,12 +126,17 @@ def _outcomes(
     # Long ones first, so that no process is left with one at the end; those of one video together,
     # so that it's decoded once.
     ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
-    parallel = Parallel(n_jobs=-1 if jobs is None else max(1, jobs), batch_size=1,
-                        pre_dispatch='all', return_as='generator')
-    evaluation = uuid4().hex
-    outcomes = parallel(delayed(run_task)(task, evaluation) for task in ordered)
-    done = 0
+    options = {'n_jobs': -1 if jobs is None else max(1, jobs), 'batch_size': 1,
+               'pre_dispatch': 'all'}
     try:
+        parallel = Parallel(**options, return_as='generator')
+    except ValueError:
+        # joblib before 1.4 has the results of a dask cluster all together, at the end.
+        parallel = Parallel(**options)
+    evaluation, done = uuid4().hex, 0
+    outcomes: Any = []
+    try:
+        outcomes = parallel(delayed(run_task)(task, evaluation) for task in ordered)
         for outcome in outcomes:
             yield ordered[done], outcome
             done += 1
@@ -138,7 +144,8 @@ def _outcomes(
         died = f'a process that ran trackers died ({type(error).__name__}) amidst or before this'
         yield from ((task, died) for task in ordered[done:])
     finally:
-        outcomes.close()
+        if not isinstance(outcomes, list):
+            outcomes.close()
         _kept.clear()
 
 
