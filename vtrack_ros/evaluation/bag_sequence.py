@@ -14,7 +14,7 @@ from vtrack_ros.bags import BagReader, SequenceError
 from vtrack_ros.evaluation.metrics import truth_rows
 from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.frame import Frame
-from vtrack_ros.session.frame_interval import FrameIntervalEstimator
+from vtrack_ros.session.session import FrameIntervalEstimator
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from enum import Enum
 
-from vtrack_ros.session.frame_interval import FrameIntervalEstimator
+from vtrack_ros.session.session import FrameIntervalEstimator
 
 #: How many latencies and processing times are remembered.
 MEMORY = 300

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from vtrack_ros.frame import Frame
-from vtrack_ros.session.frame_interval import FrameIntervalEstimator
+from vtrack_ros.session.session import FrameIntervalEstimator
 
 #: How far a stamp may be from the frame that it means, in intervals of the frames.
 TOLERANCE = 1.5
