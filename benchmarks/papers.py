@@ -45,12 +45,13 @@ PRINTED = {
         'pf_paper', 'gmpf_paper', 'gmpf_paper:as_printed=true',
         'gmpf_paper:as_printed=true,floor=0', 'gmpf_paper:as_printed=true,window=4',
         'gmpf_paper:as_printed=true,window=6', 'gmpf_paper:as_printed=true,window=8',
-        'gmpf_paper:as_printed=true,window=10', 'gmpf_paper:as_printed=true,weighting=full',
-        'kpf_paper', 'kpf_paper:as_printed=true', 'upf_paper:as_printed=true')),
+        'gmpf_paper:as_printed=true,window=10', 'kpf_paper', 'kpf_paper:as_printed=true',
+        'upf_paper:as_printed=true')),
     'pose_change and similar_occlusion': (PAPER2, (
-        'pf_paper', 'pf_paper:cues=colour+motion_edge', 'pqkpf_paper',
-        'pqkpf_paper:weighting=full', 'pqkpf_paper:as_printed=true',
-        'qkpf_paper:as_printed=true')),
+        'pf_paper', 'pf_paper:cues=colour+motion_edge',
+        'pf_paper:cues=colour+motion_edge,fusion=normalised', 'pqkpf_paper',
+        'pqkpf_paper:fusion=normalised', 'pqkpf_paper:weighting=full',
+        'pqkpf_paper:as_printed=true', 'qkpf_paper:as_printed=true')),
     'scale_change and full_occlusion': ('', (
         'abmspf_paper', 'abmspf_paper:background=false', 'abmspf_paper:as_printed=true',
         'abms_paper', 'abms_paper:as_printed=true')),

@@ -228,8 +228,8 @@ def test_both_cues_are_selectable_for_every_box_filter():
     frames, boxes = video(8, (3.0, 0.0))
     runs = {fusion: tracked('pf_paper', frames, boxes[0], cues='colour+motion_edge',
                             fusion=fusion)[-1].box
-            for fusion in ('dempster_shafer', 'product', 'sum')}
-    assert len(set(map(str, runs.values()))) == 3
+            for fusion in ('dempster_shafer', 'product', 'sum', 'normalised')}
+    assert len(set(map(str, runs.values()))) == 4
     boxed = [replica for replica in REPLICAS if issubclass(replica, BoxParticleFilter)]
     assert len(boxed) == 6 and all('cues' in replica.PARAMETERS for replica in boxed)
 

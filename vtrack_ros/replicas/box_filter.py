@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from vtrack_ros.appearance.fusion import FUSION_RULES
 from vtrack_ros.estimation import (
     ConstantVelocity, GaussianNoise, ParticleFilter, PriorProposal, Proposal, spread_about)
 
@@ -15,7 +14,7 @@ from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.replicas.cues import BoxCues, FusionRule
+from vtrack_ros.replicas.cues import BoxCues, FusionRule, FUSIONS
 from vtrack_ros.tracker import Estimate, Tracker
 
 #: Standard deviations of the centre and the size that the particles don't know of, as shares of
@@ -35,8 +34,9 @@ BOX_PARAMETERS = ParameterTable([
               choices=('colour', 'colour+motion_edge')),
     Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram; in force at "
               'the next start.', choices=('flat', 'epanechnikov')),
-    Parameter('fusion', 'dempster_shafer', 'How two cues are fused.',
-              choices=tuple(FUSION_RULES)),
+    Parameter('fusion', 'dempster_shafer', 'How two cues are fused; normalised is eqs 16 to 19 '
+              'of Qi and Li 2012 to the letter.',
+              choices=tuple(FUSIONS)),
     Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
     Parameter('threshold', 1.0, 'Resample when the effective sample size falls below this share '
               'of the particles.', 0.0, 1.0),
@@ -70,7 +70,7 @@ class BoxParticleFilter(Tracker):
 
     def _fusion(self) -> FusionRule:
         """Return how the cues are fused."""
-        return FUSION_RULES[str(self._parameters['fusion'])]
+        return FUSIONS[str(self._parameters['fusion'])]
 
     def _configure(self) -> None:
         if self._frame_shape is None:

@@ -153,3 +153,7 @@ def normalised_masses(likelihoods: Array, _: Array) -> Array:
         fused = target / np.maximum(target + other, np.finfo(np.float64).tiny)
         result: Array = np.log(fused / max(fused.sum(), np.finfo(np.float64).tiny))
     return result
+
+
+#: Rules of fusion by name: our readings, and the second paper's to the letter.
+FUSIONS: dict[str, FusionRule] = {**FUSION_RULES, 'normalised': normalised_masses}
