@@ -14,21 +14,9 @@ _NAME = re.compile(r'(/[A-Za-z_][A-Za-z0-9_]*)+')
 @dataclass(frozen=True)
 class Topic:
     """
-    A topic of a bag.
+    A topic of a bag, its name with a leading slash; `count` is that of its messages.
 
-    Parameters
-    ----------
-    name : str
-        With a leading slash, as ROS writes it.
-    message_type : str
-        Of its messages, such as ``sensor_msgs/msg/Image``.
-    count : int
-        How many messages there are.
-    reliable : bool
-        Whether its publisher offered reliable transport; so it's taken where that isn't known.
-    transient_local : bool
-        Whether its publisher kept messages for those who subscribe late.
-
+    `reliable` and `transient_local` are what its publisher offered.
     """
 
     name: str
@@ -44,22 +32,7 @@ def absolute(name: str) -> str:
 
 
 def checked_topic(name: str, remedy: str = '') -> str:
-    """
-    Return a topic's name with its leading slash.
-
-    Parameters
-    ----------
-    name : str
-        With or without the slash.
-    remedy : str
-        Stands at the end of the message.
-
-    Raises
-    ------
-    BagError
-        If ROS doesn't take the name.
-
-    """
+    """Return a topic's name with its leading slash; BagError if ROS doesn't take the name."""
     full = absolute(name)
     if len(full) > _LONGEST or not _NAME.fullmatch(full):
         raise BagError(

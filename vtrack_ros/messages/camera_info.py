@@ -9,15 +9,7 @@ from vtrack_ros.geometry.camera import Camera, MODELS
 
 
 def camera_from_info(message: Any) -> Camera:
-    """
-    Read a sensor_msgs/msg/CameraInfo.
-
-    Raises
-    ------
-    ValueError
-        If it isn't calibrated, or its distortion model is unknown.
-
-    """
+    """Read a CameraInfo; ValueError if it isn't calibrated, or its lens model is unknown."""
     matrix = [float(value) for value in message.k]
     if not all(map(math.isfinite, matrix)) or matrix[0] <= 0 or matrix[4] <= 0:
         raise ValueError(

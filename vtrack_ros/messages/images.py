@@ -80,17 +80,9 @@ def to_frame(message: Any) -> Frame:
     Sixteen bits become eight by full scale: 65535 is 255, whatever the image holds, so that the
     brightness of a scene doesn't jump from frame to frame.
 
-    Returns
-    -------
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-        Contiguous. Where nothing has to be converted it shares the message's memory, and is
-        read-only if that is.
-
-    Raises
-    ------
-    ValueError
-        If the encoding is unknown, the size is zero, or step and data don't fit the size.
-
+    The frame, (H, W, 3) in BGR order or (H, W), is contiguous; where nothing has to be converted
+    it shares the message's memory, and is read-only if that is. ValueError if the encoding is
+    unknown, the size is zero, or step and data don't fit the size.
     """
     width, height, step = int(message.width), int(message.height), int(message.step)
     encoding = _encoding(message.encoding, width, height)
@@ -119,13 +111,7 @@ def compressed_to_frame(message: Any) -> Frame:
     """
     Return the pixels of a compressed image message (JPEG, PNG or whatever else OpenCV reads).
 
-    Of shape (H, W, 3) in BGR order or (H, W), as `to_frame`.
-
-    Raises
-    ------
-    ValueError
-        If the data isn't an image that can be decoded.
-
+    Of shape (H, W, 3) in BGR order or (H, W); ValueError if the data can't be decoded.
     """
     if 'compressedDepth' in message.format:
         raise ValueError(
@@ -183,11 +169,9 @@ def stamp_nanoseconds(stamp: Any) -> int:
 
 def _encoding(name: str, width: int, height: int) -> _Encoding:
     if name not in _ENCODINGS:
-        raise ValueError(
-            f'unknown image encoding {name!r}; valid are ' + ', '.join(_ENCODINGS))
+        raise ValueError(f'unknown image encoding {name!r}; valid are ' + ', '.join(_ENCODINGS))
     if width <= 0 or height <= 0:
-        raise ValueError(
-            f'image size is {width} x {height}; both must be at least 1')
+        raise ValueError(f'image size is {width} x {height}; both must be at least 1')
     encoding = _ENCODINGS[name]
     if min(width, height) < encoding.minimum_size:
         raise ValueError(
@@ -206,12 +190,10 @@ def _bytes(data: Any) -> NDArray[np.uint8]:
 
 def _sixteen_bits(data: NDArray[np.uint8], shape: tuple[int, ...], step: int, bigendian: bool,
                   encoding: _Encoding) -> Frame:
-    channels = encoding.channels
-    strides = (step, 2 * channels, 2)[:len(shape)]
-    order = '>' if bigendian else '<'
-    pixels = np.ndarray(shape, np.dtype(order + 'u2'), data, strides=strides)
-    native = np.ascontiguousarray(pixels, np.uint16)
-    narrow = _narrowed(native)
+    strides = (step, 2 * encoding.channels, 2)[:len(shape)]
+    kind = np.dtype('>u2' if bigendian else '<u2')
+    pixels = np.ndarray(shape, kind, data, strides=strides)
+    narrow = _narrowed(np.ascontiguousarray(pixels, np.uint16))
     return narrow if encoding.convert is None else _converted(narrow, encoding.convert)
 
 

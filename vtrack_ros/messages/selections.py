@@ -12,15 +12,9 @@ from vtrack_ros.session.selection import Selection
 
 def from_detection(message: Any, source: str) -> Selection:
     """
-    Return the selection that a vision_msgs/msg/Detection2D makes.
+    Return the selection that a Detection2D makes; a rotated box stands for its upright bound.
 
-    A rotated box stands for its axis-aligned bound.
-
-    Raises
-    ------
-    ValueError
-        If the box isn't finite, or its size isn't positive.
-
+    ValueError if the box isn't finite, or its size isn't positive.
     """
     bounds = message.bbox
     center, theta = bounds.center.position, float(bounds.center.theta)
@@ -35,32 +29,16 @@ def from_detection(message: Any, source: str) -> Selection:
         width, height = width * cosine + height * sine, width * sine + height * cosine
     box = Box.from_center(float(center.x), float(center.y), width, height)
     stamp = stamp_nanoseconds(message.header.stamp)
-    best = best_hypothesis(message)
-    return Selection(box, source, stamp or None, class_id=best[0], target_id=str(message.id))
+    scored = [(float(result.hypothesis.score), str(result.hypothesis.class_id))
+              for result in message.results]
+    class_id = max(scored)[1] if scored else ''
+    return Selection(box, source, stamp or None, class_id=class_id, target_id=str(message.id))
 
 
 def from_roi(message: Any, source: str) -> Selection:
-    """
-    Return the selection that a sensor_msgs/msg/RegionOfInterest makes.
-
-    Raises
-    ------
-    ValueError
-        If its size is zero.
-
-    """
+    """Return the selection that a RegionOfInterest makes; ValueError if its size is zero."""
     box = Box(message.x_offset, message.y_offset, message.width, message.height)
     return Selection(box, source, clamp=True)
-
-
-def best_hypothesis(detection: Any) -> tuple[str, float]:
-    """Return class and score of a detection's best hypothesis; '' and 0 where it has none."""
-    scored = [(float(result.hypothesis.score), str(result.hypothesis.class_id))
-              for result in detection.results]
-    if not scored:
-        return '', 0.0
-    score, class_id = max(scored)
-    return class_id, score
 
 
 def best_detection(message: Any, class_id: str, score: float, source: str) -> Selection | None:

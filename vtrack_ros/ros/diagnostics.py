@@ -33,15 +33,7 @@ class Diagnostics:
     """
     Watches the flow of images, and reports on ~/state and /diagnostics.
 
-    Attributes
-    ----------
-    flow : FrameFlow
-        What came, and what didn't.
-    inputs : list of Input
-        What is watched; the images last, while they are taken.
-    images : Input or None
-        Those of the images; None while none are taken.
-
+    `inputs` are watched, and `images`, while they are taken; `make_state` says how the target is.
     """
 
     def __init__(self, node: Node, publishers: Publishers,
@@ -71,8 +63,7 @@ class Diagnostics:
 
     def publish_state(self, make: Callable[[], DiagnosticStatus] | None = None) -> None:
         """Publish the target's state; on /diagnostics too if it's another than before."""
-        make = make or self._make_state
-        self._publishers.publish_state(make)
+        self._publishers.publish_state(make or self._make_state)
         self._told = True
         if self._publisher.get_subscription_count():
             state = self._make_state()
@@ -146,15 +137,11 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
     rate = flow.rate(now)
     received, malformed, missing = flow.recent()
     processing, latency = percentiles(flow.processing), percentiles(flow.latency)
-    values = {
-        'frame rate': f'{rate:.1f} Hz',
-        'frames received': str(flow.received),
-        'frames missing': str(flow.missing),
-        'frames late': str(flow.late),
-        'frames malformed': str(flow.malformed),
-        'processing p50': f'{processing[0]:.2f} ms', 'processing p99': f'{processing[1]:.2f} ms',
-        'latency p50': f'{latency[0]:.2f} ms', 'latency p99': f'{latency[1]:.2f} ms',
-    }
+    values = {'frame rate': f'{rate:.1f} Hz'}
+    for name in ('received', 'missing', 'late', 'malformed'):
+        values[f'frames {name}'] = str(getattr(flow, name))
+    for name, (p50, p99) in (('processing', processing), ('latency', latency)):
+        values |= {f'{name} p50': f'{p50:.2f} ms', f'{name} p99': f'{p99:.2f} ms'}
     if faults:
         return 2, faults[0], values
     if not publishers:
@@ -177,8 +164,8 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
                       'on both sides')
         else:
             reason = 'never sent, or lost before they came here'
-        text = f'{missing} of the last {received + missing} frames are missing, {reason}'
-        return 1, text, values
+        return 1, (f'{missing} of the last {received + missing} frames are missing, '
+                   f'{reason}'), values
     return 0, f'{rate:.1f} Hz', values
 
 

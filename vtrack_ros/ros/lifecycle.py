@@ -46,19 +46,13 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: State) -> TransitionCallbackReturn:
-        """Take everything down."""
-        self._take_down()
+        """Take everything down; then it can be configured again, after an error as well."""
+        if self._pipeline is not None:
+            self._pipeline.destroy()
+            self._pipeline = None
         return TransitionCallbackReturn.SUCCESS
 
-    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
-        """Take everything down."""
-        self._take_down()
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_error(self, state: State) -> TransitionCallbackReturn:
-        """Take everything down; then it can be configured again."""
-        self._take_down()
-        return TransitionCallbackReturn.SUCCESS
+    on_shutdown = on_error = on_cleanup
 
     def _on_change_state(self, request: Any, response: Any) -> Any:
         """Answer what rclpy raises an exception at, and its clients would wait for for ever."""
@@ -71,8 +65,3 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
                 f'while {self._state_machine.current_state[1]}; valid are ' + ', '.join(valid))
             response.success = False
             return response
-
-    def _take_down(self) -> None:
-        if self._pipeline is not None:
-            self._pipeline.destroy()
-            self._pipeline = None

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib import import_module
 import os
 import signal
 import sys
-from types import FrameType
-from typing import Any
 
 from vtrack_ros.dds import receiving_profile
 
@@ -27,21 +26,15 @@ docs/node.md describes the topics, docs/parameters.md the parameters."""
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the plain node until it's told to end; return the exit code."""
-    def create() -> Any:
-        from vtrack_ros.ros.tracker_node import TrackerNode
-        return TrackerNode()
-    return run(create, arguments)
+    return _run('tracker_node', 'TrackerNode', arguments)
 
 
 def lifecycle_main(arguments: Sequence[str] | None = None) -> int:
     """Run the managed node until it's told to end; return the exit code."""
-    def create() -> Any:
-        from vtrack_ros.ros.lifecycle import TrackerLifecycleNode
-        return TrackerLifecycleNode()
-    return run(create, arguments)
+    return _run('lifecycle', 'TrackerLifecycleNode', arguments)
 
 
-def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> int:
+def _run(module: str, node: str, arguments: Sequence[str] | None) -> int:
     """
     Make a node, once ROS is up, and spin it on one thread until SIGINT or SIGTERM.
 
@@ -55,19 +48,15 @@ def run(create: Callable[[], Any], arguments: Sequence[str] | None = None) -> in
     # The wheels of PyPI execute Python anew for it: handlers don't outlive that, but what is
     # blocked stays blocked, and is delivered once it's let through.
     for number in _SIGNALS:
-        signal.signal(number, _interrupt)
+        signal.signal(number, signal.default_int_handler)
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     try:
-        return _run(create, arguments)
+        return _spin(module, node, arguments)
     except KeyboardInterrupt:
         return 0
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
-
-
-def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
+def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
     import gc
 
     import rclpy
@@ -94,7 +83,7 @@ def _run(create: Callable[[], Any], arguments: Sequence[str] | None) -> int:
                   file=sys.stdout if wanted else sys.stderr)
             return 0 if wanted else 2
         try:
-            node = create()
+            node = getattr(import_module(f'vtrack_ros.ros.{module}'), kind)()
         except (ParameterException, TypeError, ValueError) as error:
             print(f'tracker: {error}', file=sys.stderr)
             return 2

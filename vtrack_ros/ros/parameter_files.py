@@ -51,17 +51,6 @@ def files() -> dict[str, str]:
     return texts
 
 
-def write(root: Path) -> list[Path]:
-    """Write the files below a source tree's root; return their paths."""
-    paths = []
-    for name, text in files().items():
-        path = root / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-        paths.append(path)
-    return paths
-
-
 def _node_yaml() -> str:
     text = _HEAD.format(title="The node's own parameters.", name='node',
                         note=' Those marked "fixed" are read once.')
@@ -128,5 +117,6 @@ def _row(name: str, row: Parameter) -> str:
 
 
 if __name__ == '__main__':
-    for written in write(Path(__file__).resolve().parents[2]):
-        print(written)
+    for path, contents in files().items():
+        (Path(__file__).resolve().parents[2] / path).write_text(contents)
+        print(path)

@@ -78,11 +78,7 @@ def checked_init_box(value: Any) -> Box | None:
     """
     Return the box that the parameter `init_box` spells; None for an empty one.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If it isn't four finite numbers with a positive size.
-
+    TypeError or ValueError if it isn't four finite numbers with a positive size.
     """
     valid = 'valid is [x, y, width, height] in pixels, or [] to wait for a selection'
     if isinstance(value, (str, bytes)) or not hasattr(value, '__len__'):
@@ -112,15 +108,13 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
     if row.low is None and row.high is None:
         return result
     if row.kind is int:
-        low = -2**63 if row.low is None else int(row.low)
-        high = 2**63 - 1 if row.high is None else int(row.high)
-        result.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
+        result.integer_range = [IntegerRange(
+            from_value=-2**63 if row.low is None else int(row.low),
+            to_value=2**63 - 1 if row.high is None else int(row.high))]
     elif row.kind is float:
-        largest = sys.float_info.max
-        low_value = -largest if row.low is None else float(row.low)
-        high_value = largest if row.high is None else float(row.high)
-        result.floating_point_range = [
-            FloatingPointRange(from_value=low_value, to_value=high_value, step=0.0)]
+        result.floating_point_range = [FloatingPointRange(
+            from_value=-sys.float_info.max if row.low is None else float(row.low),
+            to_value=sys.float_info.max if row.high is None else float(row.high))]
     return result
 
 
@@ -131,29 +125,13 @@ class ParameterNode(Node):
     rclpy's own answers leave out the name of an unknown parameter, and the range of one that is of
     the wrong type: here they are told, as is whatever the session refuses.
 
-    Parameters
-    ----------
-    name : str
-    **arguments
-        Those of rclpy.node.Node.
+    `settings` and `init_box` are what is in force, `session` has the trackers' own parameters;
+    `on_change` is called with the names of what was changed, once it is in force.
 
     Raises
     ------
-    TypeError, ValueError
+    TypeError, ValueError, rclpy.exceptions.ParameterException
         If a value from the command line or a file is wrong.
-    rclpy.exceptions.ParameterException
-        The same, where rclpy's own check finds it first.
-
-    Attributes
-    ----------
-    settings : NodeSettings
-        The values in force of the node's own parameters.
-    init_box : Box or None
-        The one that isn't a scalar.
-    session : TrackingSession
-        Has the trackers' own.
-    on_change : callable or None
-        Called with the names of what was changed, once it is in force.
 
     """
 

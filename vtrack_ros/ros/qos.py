@@ -11,12 +11,6 @@ from rclpy.qos import (
     DurabilityPolicy, HistoryPolicy, qos_check_compatible, qos_policy_name_from_kind,
     QoSCompatibility, QoSProfile, ReliabilityPolicy)
 
-_RELIABILITY = {
-    'auto': ReliabilityPolicy.RELIABLE,
-    'reliable': ReliabilityPolicy.RELIABLE,
-    'best_effort': ReliabilityPolicy.BEST_EFFORT,
-}
-
 # How the graph calls the node of a publisher that it has only just heard of.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
@@ -37,7 +31,8 @@ class Input:
         self._topic = topic
         self._choice = reliability
         self._callback = callback
-        self._policy = _RELIABILITY[reliability]
+        self._policy = (ReliabilityPolicy.BEST_EFFORT if reliability == 'best_effort' else
+                        ReliabilityPolicy.RELIABLE)
         self._subscription = self._subscribe()
         self._faults: dict[bytes, str] = {}
         self._several = False
@@ -69,9 +64,9 @@ class Input:
         offers = self._node.get_publishers_info_by_topic(self.topic)
         fitting = [offer for offer in offers if offer.topic_type == self._type]
         if self._choice == 'auto' and fitting:
-            weak = any(offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-                       for offer in fitting)
-            self._change(_RELIABILITY['best_effort' if weak else 'reliable'])
+            weak = any(map(_best_effort, fitting))
+            self._change(
+                ReliabilityPolicy.BEST_EFFORT if weak else ReliabilityPolicy.RELIABLE)
         faults = {bytes(offer.endpoint_gid): fault
                   for offer in offers if (fault := self._fault(offer))}
         for publisher, fault in faults.items():
@@ -98,20 +93,18 @@ class Input:
         if offer.topic_type != self._type:
             return (f'{whose} sends {offer.topic_type}, not {self._type}: nothing will come '
                     'from it; remap the topic, or set image_transport')
-        weak = offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-        if weak and self._policy == ReliabilityPolicy.RELIABLE:
+        if _best_effort(offer) and self._policy == ReliabilityPolicy.RELIABLE:
             return (f'{whose} offers best_effort, but reliability is {self._choice!r} (QoS '
                     'mismatch): nothing will come from it; set reliability to auto or '
                     'best_effort')
         return ''
 
     def _change(self, policy: ReliabilityPolicy) -> None:
-        if policy == self._policy:
-            return
-        self._policy = policy
-        previous, self._subscription = self._subscription, self._subscribe()
-        self._node.destroy_subscription(previous)
-        self._node.get_logger().info(f'{self.topic}: subscribed {self.reliability}')
+        if policy != self._policy:
+            self._policy = policy
+            previous, self._subscription = self._subscription, self._subscribe()
+            self._node.destroy_subscription(previous)
+            self._node.get_logger().info(f'{self.topic}: subscribed {self.reliability}')
 
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(
@@ -123,6 +116,10 @@ class Input:
 
     def _on_lost(self, event: Any) -> None:
         self.lost += int(event.total_count_change)
+
+
+def _best_effort(offer: Any) -> bool:
+    return bool(offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT)
 
 
 def image_topic(node: Node, transport: str) -> str:

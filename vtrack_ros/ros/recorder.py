@@ -29,21 +29,8 @@ class Answer:
     """
     What was heard about one image; None and 0 where nothing was.
 
-    Parameters
-    ----------
-    received : int, [ns]
-        When its detections came; 0 if they did not.
-    estimate : Estimate or None
-        The measured target, as its detection says.
-    particles : ndarray, shape (N, 2), [px]
-        Centres of the first `KEPT_PARTICLES` ones.
-    state : str
-        Of the tracker.
-    milliseconds : float
-        The tracker's own time.
-    sent : int, [ns]
-        When the image was published.
-
+    `received` and `sent` are when its detections came and it was published [ns], `milliseconds`
+    is the tracker's own time, `particles` (N, 2) are the centres of the first ones [px].
     """
 
     received: int = 0
@@ -63,13 +50,7 @@ class Recorder:
     """
     A node that subscribes to another one's detections, state and particles; a context manager.
 
-    Attributes
-    ----------
-    answers : dict of int to Answer
-        By the stamp of the image in nanoseconds.
-    received : int
-        How many frames' detections came.
-
+    `answers` are by the image's stamp [ns]; `received` is how many frames' detections came.
     """
 
     def __init__(self) -> None:

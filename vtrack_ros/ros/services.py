@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from sensor_msgs.msg import RegionOfInterest
@@ -32,10 +33,11 @@ class Services:
         self._log = log
         self._changed = changed
         self.paused = False
-        self._inputs = [Input(node, RegionOfInterest, '~/init_roi', self._on_roi)]
+        self._inputs = [Input(node, RegionOfInterest, '~/init_roi',
+                              partial(self._select, from_roi, '~/init_roi'))]
         if with_vision:
-            self._inputs.append(Input(
-                node, types['vision_msgs/msg/Detection2D'], '~/init', self._on_detection))
+            self._inputs.append(Input(node, types['vision_msgs/msg/Detection2D'], '~/init',
+                                      partial(self._select, from_detection, '~/init')))
         self._detector: Input | None = None
         self._services = [
             node.create_service(Trigger, '~/reset', self._on_reset),
@@ -71,22 +73,16 @@ class Services:
         for service in self._services:
             self._node.destroy_service(service)
 
-    def _on_detection(self, message: Any) -> None:
-        self._select(from_detection, message, '~/init')
-
-    def _on_roi(self, message: Any) -> None:
-        self._select(from_roi, message, '~/init_roi')
-
     def _on_detections(self, message: Any) -> None:
         """Take the best detection of the wanted class while there is no target, or it's lost."""
         settings = self._node.settings
         if self._target.wanted:
             self._select(lambda array, source: best_detection(
                 array, settings.text('init_class'), settings.number('init_score'), source),
-                message, '~/init_detections')
+                '~/init_detections', message)
 
-    def _select(self, read: Callable[[Any, str], Selection | None], message: Any,
-                source: str) -> None:
+    def _select(self, read: Callable[[Any, str], Selection | None], source: str,
+                message: Any) -> None:
         try:
             selection = read(message, source)
             if selection is not None:

@@ -34,18 +34,9 @@ class FrameFlow:
     """
     Counts frames, and times them.
 
-    Attributes
-    ----------
-    received, malformed, late, missing : int
-        Frames that came, that came broken, that came after later ones, and that never came, as the
-        gaps between the stamps tell.
-    fault : str
-        What was wrong with the last malformed one.
-    processing, latency : deque of float, [ms]
-        The latest ones.
-    largest : int
-        The size of the largest image, in bytes.
-
+    `missing` ones never came, as the gaps between the stamps tell; `late` ones came after later
+    ones. `fault` is that of the last malformed one, `largest` the size of the largest image in
+    bytes; `processing` and `latency` are the latest ones in ms.
     """
 
     def __init__(self) -> None:
@@ -64,17 +55,7 @@ class FrameFlow:
         self._reported = (0, 0, 0)
 
     def arrived(self, stamp: int, now: int) -> Arrival:
-        """
-        Count a frame, and judge its stamp.
-
-        Parameters
-        ----------
-        stamp : int, [ns]
-            The image's.
-        now : int, [ns]
-            When it arrived, on a clock that never jumps.
-
-        """
+        """Count a frame that came at `now` [ns], on a clock that never jumps; judge its stamp."""
         self.received += 1
         self._since += 1
         self._first_arrival = self._first_arrival or now
@@ -106,17 +87,9 @@ class FrameFlow:
 
     def spoilt(self, stamp: int, now: int, fault: str) -> None:
         """
-        Count a malformed frame, which came and so isn't missing.
+        Count a malformed frame, which came and so isn't missing; the arguments as for `arrived`.
 
-        Parameters
-        ----------
-        stamp : int, [ns]
-            The image's; it's believed only if the next good frame's fits.
-        now : int, [ns]
-            As for `arrived`.
-        fault : str
-            What is wrong with it.
-
+        Its stamp is believed only if the next good frame's fits.
         """
         self.malformed += 1
         self.fault = fault

@@ -15,15 +15,9 @@ USUAL_INTERVAL = 100_000_000
 
 class FrameHistory:
     """
-    The latest frames, bounded both in time and in memory.
+    The latest frames: none older than `seconds`, and no more of them than `megabytes` hold.
 
-    Parameters
-    ----------
-    seconds : float
-        How old a frame may be.
-    megabytes : float
-        How much memory the frames may take; the newest frame is kept whatever it takes.
-
+    The newest one is kept whatever it takes.
     """
 
     def __init__(self, seconds: float, megabytes: float) -> None:

@@ -17,22 +17,10 @@ LEAST_SIDE = 2.0
 @dataclass(frozen=True)
 class Selection:
     """
-    A target that somebody pointed out.
+    A target that `source`, a topic or a parameter, pointed out.
 
-    Parameters
-    ----------
-    box : Box
-    source : str
-        Who pointed it out, for messages: a topic or a parameter.
-    stamp : int or None, [ns]
-        The stamp of the frame it was drawn on; None: the next frame.
-    clamp : bool
-        Whether only the part inside the image is meant.
-    class_id, target_id : str
-        What the target is called, where that's known.
-    automatic : bool
-        Whether a detector made it, which may do so with every frame.
-
+    It was drawn on the frame of `stamp` [ns], None: on the next one. With `clamp` only the part
+    inside the image is meant; an `automatic` one is a detector's, which may come with every frame.
     """
 
     box: Box
@@ -47,11 +35,7 @@ class Selection:
         """
         Return the box to start on.
 
-        Raises
-        ------
-        ValueError
-            If it has no part inside the frame, its centre lies outside, or a side is too short.
-
+        ValueError if no part of it or not its centre is inside the frame, or a side is too short.
         """
         height, width = frame.shape[:2]
         inside = self.box.clipped(width, height)
@@ -70,43 +54,19 @@ class Selection:
 
 
 class Selector:
-    """
-    Holds a selection until the frame that it was drawn on is there.
-
-    Parameters
-    ----------
-    history : FrameHistory
-
-    """
+    """Holds a selection, the `pending` one, until the frame that it was drawn on is there."""
 
     def __init__(self, history: FrameHistory) -> None:
         self._history = history
-        self._pending: Selection | None = None
-
-    @property
-    def pending(self) -> Selection | None:
-        """Return the selection that waits for its frame."""
-        return self._pending
-
-    def clear(self) -> None:
-        """Forget the selection that waits."""
-        self._pending = None
+        self.pending: Selection | None = None
 
     def select(self, selection: Selection) -> None:
-        """
-        Take a selection; the latest one counts.
-
-        Raises
-        ------
-        ValueError
-            If its frame is no longer there.
-
-        """
+        """Take a selection; the latest one counts. ValueError if its frame is gone."""
         stamp, oldest = selection.stamp, self._history.oldest
         if stamp is not None and oldest is not None and stamp < oldest - self._history.tolerance:
             raise ValueError(
                 f'its stamp {seconds(stamp)} s is too old: {self._history.instead(stamp)}')
-        self._pending = selection
+        self.pending = selection
 
     def ready(self) -> tuple[Selection, list[tuple[int, Frame]]] | None:
         """
@@ -114,24 +74,19 @@ class Selector:
 
         To be asked when a frame has come: only then is it known what time it is for the camera,
         which may have been paused, or may not have begun, when the selection was made.
-
-        Raises
-        ------
-        ValueError
-            If its frame isn't there, or too far ahead to be ever seen; it's forgotten then.
-
+        ValueError if its frame isn't there, or too far ahead to be ever seen; it's forgotten then.
         """
-        selection, newest = self._pending, self._history.newest
+        selection, newest = self.pending, self._history.newest
         if selection is None or newest is None:
             return None
         stamp = selection.stamp
         if stamp is not None and newest < stamp:
             if stamp <= newest + max(self._history.seconds * 1e9, LEAST_AHEAD):
                 return None
-            self._pending = None
+            self.pending = None
             raise ValueError(
                 f'its stamp {seconds(stamp)} s is in the future: {self._history.instead(stamp)}')
-        self._pending = None
+        self.pending = None
         frames = self._history.since(stamp)
         if stamp is not None and abs(frames[0][0] - stamp) > self._history.tolerance:
             raise ValueError(

@@ -32,22 +32,9 @@ class Target:
     """
     Tracks one target, from whatever selects it until it's given up.
 
-    Parameters
-    ----------
-    session : TrackingSession
-        This target's own.
-    history : FrameHistory
-        The latest frames, the one to be tracked included; several targets may share it.
-    log : Log
-        Is told what becomes of the target.
-
-    Attributes
-    ----------
-    init_box : Selection or None
-        What is selected with the first frame of every stream.
-    identity : tuple of str
-        The target's class and id.
-
+    The session is its own; several targets may share the history of the latest frames, the one to
+    be tracked included. `init_box` is selected with the first frame of every stream; `identity`
+    is the target's class and id.
     """
 
     def __init__(self, session: TrackingSession, history: FrameHistory, log: Log) -> None:
@@ -81,7 +68,7 @@ class Target:
         if self.init_box is not None:
             self._selector.select(self.init_box)
         elif before is not None and self._selector.pending is before:
-            self._selector.clear()
+            self._selector.pending = None
 
     def select(self, selection: Selection) -> None:
         """Take a selection instead of any target so far; ValueError if its frame is gone."""
@@ -112,7 +99,7 @@ class Target:
     def forget(self) -> None:
         """Give the target up, and any that was about to be one."""
         self._session.forget()
-        self._selector.clear()
+        self._selector.pending = None
 
     def _started(self) -> Estimate | None:
         """Start on the selection whose frame is there; None where there's none."""
