@@ -34,12 +34,16 @@ PATIENCE = 20.0
 STEP = 33_333_333
 
 
+#: Lets the kernel end the node's process with ours (PR_SET_PDEATHSIG is 1), however ours ends.
+END_WITH_PARENT = 'import ctypes, signal; ctypes.CDLL(None).prctl(1, signal.SIGKILL)'
+
+
 class NodeProcess:
     """The node in a process of its own."""
 
     def __init__(self, *arguments: str, entry: str = 'main', prelude: str = '',
                  **parameters: object) -> None:
-        command = [sys.executable, '-c', f'import sys; {prelude}\n'
+        command = [sys.executable, '-c', f'{END_WITH_PARENT}\nimport sys; {prelude}\n'
                    f'from vtrack_ros.ros.main import {entry}; sys.exit({entry}())',
                    '--ros-args', *arguments]
         for name, value in parameters.items():
