@@ -16,7 +16,7 @@ class Topic:
     """
     A topic of a bag, its name with a leading slash; `count` is that of its messages.
 
-    `reliable` and `transient_local` are what its publisher offered.
+    `reliable` and `transient_local` are what its publisher offered, as far as that's known.
     """
 
     name: str

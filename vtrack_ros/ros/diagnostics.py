@@ -84,7 +84,7 @@ class Diagnostics:
         state, rows = self._make_state(), []
         if self.images is not None:
             faults = [fault for one in (self.images, *self.inputs) for fault in one.faults]
-            faults += self._publishers.mismatches.faults
+            faults += self._publishers.faults
             level, text, values = report(self.flow, time.perf_counter_ns(), faults,
                                          self.images.publishers, self.images.topic)
             values['reliability'] = self.images.reliability

@@ -11,8 +11,10 @@ from geometry_msgs.msg import (
     PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped, Vector3)
 import numpy as np
 from rclpy.duration import Infinite
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import (
+    qos_check_compatible, qos_policy_name_from_kind, QoSCompatibility, QoSProfile)
 from sensor_msgs.msg import Image
 
 from vtrack_ros.drawing import AnnotatedFrame, STATES, TRUTH
@@ -21,7 +23,6 @@ from vtrack_ros.geometry.camera import Position
 from vtrack_ros.messages import detections, poses
 from vtrack_ros.messages.images import fill_image
 from vtrack_ros.ros.message_types import installed, MessageTypes
-from vtrack_ros.ros.qos import OutputFaults
 from vtrack_ros.tracker import Estimate
 
 #: What every output offers; the durations are the defaults, but said as the graph says them.
@@ -36,7 +37,7 @@ class Publishers:
     def __init__(self, node: Node, types: MessageTypes, with_vision: bool) -> None:
         self._node = node
         self._types = types
-        self.mismatches = OutputFaults(node, OFFERED)
+        self._faults: dict[str, str] = {}
         self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
         self._identity = ('', '')
         self._with_transforms: bool | None = None
@@ -54,6 +55,13 @@ class Publishers:
                 types['vision_msgs/msg/Detection2DArray'], 'detections')
             self._bounds = self._publisher(
                 types['vision_msgs/msg/BoundingBox2D'], 'bounding_box')
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Return what is asked for in vain, one sentence a topic; who has gone asks no more."""
+        return tuple(fault for topic, fault in self._faults.items() if any(
+            qos_check_compatible(OFFERED, one.qos_profile)[0] == QoSCompatibility.ERROR
+            for one in self._node.get_subscriptions_info_by_topic(topic)))
 
     def publish_pose(self, header: Any, position: Position, angle: float) -> None:
         """Publish a measured pose; the angle is in rad."""
@@ -139,8 +147,16 @@ class Publishers:
             self._node.destroy_publisher(publisher)
 
     def _publisher(self, kind: Any, topic: str) -> Any:
+        def on_mismatch(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            name = self._node.resolve_topic_name(topic)
+            self._faults[name] = (
+                f'{name}: a subscriber asked for a {policy} that is not offered (QoS mismatch): '
+                'nothing will be sent to it; subscribe reliable or best_effort, and volatile')
+            self._node.get_logger().error(self._faults[name])
         publisher = self._node.create_publisher(
-            kind, topic, OFFERED, event_callbacks=self.mismatches.callbacks(topic))
+            kind, topic, OFFERED,
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=on_mismatch))
         self._all.append(publisher)
         return publisher
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy, HistoryPolicy, qos_check_compatible, qos_policy_name_from_kind,
-    QoSCompatibility, QoSProfile, ReliabilityPolicy)
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 # How the graph calls the node of a publisher that it has only just heard of.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
@@ -134,35 +132,3 @@ def image_topic(node: Node, transport: str) -> str:
     if node.resolve_topic_name(f'image/{transport}') != plain:
         return f'image/{transport}'
     return f'{node.resolve_topic_name("image")}/{transport}'
-
-
-class OutputFaults:
-    """Collects the subscribers of our outputs that asked for what none of them offers."""
-
-    def __init__(self, node: Node, offered: QoSProfile) -> None:
-        self._node = node
-        self._offered = offered
-        self._faults: dict[str, str] = {}
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Return what is asked for in vain, one sentence a topic; who has gone asks no more."""
-        return tuple(fault for topic, fault in self._faults.items() if self._asked_for(topic))
-
-    def callbacks(self, topic: str) -> PublisherEventCallbacks:
-        """Return the event callbacks for the publisher of `topic`."""
-        def on_mismatch(event: Any) -> None:
-            policy = qos_policy_name_from_kind(event.last_policy_kind)
-            name = self._node.resolve_topic_name(topic)
-            fault = (f'{name}: a subscriber asked for a {policy} that is not offered (QoS '
-                     'mismatch): nothing will be sent to it; subscribe reliable or best_effort, '
-                     'and volatile')
-            self._faults[name] = fault
-            self._node.get_logger().error(fault)
-        return PublisherEventCallbacks(incompatible_qos=on_mismatch)
-
-    def _asked_for(self, topic: str) -> bool:
-        wanted = self._node.get_subscriptions_info_by_topic(topic)
-        return any(
-            qos_check_compatible(self._offered, one.qos_profile)[0] == QoSCompatibility.ERROR
-            for one in wanted)
