@@ -24,11 +24,9 @@ import numpy as np
 from result_files import write_json
 from vtrack_ros.evaluation import evaluate
 from vtrack_ros.evaluation.cache import default_folder, RunCache
-from vtrack_ros.evaluation.environment import environment
 from vtrack_ros.evaluation.results import Results
-from vtrack_ros.evaluation.results_json import as_json
-from vtrack_ros.evaluation.scene_sequence import scene_sequence
-from vtrack_ros.evaluation.sequences import read_folder, Sequence
+from vtrack_ros.evaluation.results_json import as_json, environment
+from vtrack_ros.evaluation.sequences import read_folder, scene_sequence, Sequence
 from vtrack_ros.evaluation.table import markdown
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -26,9 +26,9 @@ from result_files import write_json
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecification
 from vtrack_ros.evaluation.charts import colour, svg
-from vtrack_ros.evaluation.environment import environment
-from vtrack_ros.evaluation.one_thread import one_thread
 from vtrack_ros.evaluation.peers import PEERS
+from vtrack_ros.evaluation.results_json import environment
+from vtrack_ros.evaluation.runner import one_thread
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box

@@ -6,8 +6,7 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagError, BagReader, SequenceError  # noqa: E402
-from vtrack_ros.bags.importing import open_source  # noqa: E402
-from vtrack_ros.bags.recording import FIRST_STAMP, record  # noqa: E402
+from vtrack_ros.bags.importing import FIRST_STAMP, open_source, record  # noqa: E402
 from vtrack_ros.evaluation.sequences import read_folder  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
 

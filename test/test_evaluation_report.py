@@ -7,10 +7,9 @@ from evaluation_material import write_sequence
 import numpy as np
 
 from vtrack_ros.evaluation import evaluate
-from vtrack_ros.evaluation.report import html_page
+from vtrack_ros.evaluation.report import html_page, worst_frames
 from vtrack_ros.evaluation.results import Problem
 from vtrack_ros.evaluation.runner import Run
-from vtrack_ros.evaluation.worst_frames import worst_frames
 
 VOID = {'meta', 'br', 'img', 'link', 'input'}
 

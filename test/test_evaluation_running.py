@@ -16,13 +16,12 @@ import pytest
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.evaluation import (
     evaluate, find_sequences, FolderSequence, parse_tracker, parse_trackers, SequenceError)
-from vtrack_ros.evaluation.cache import RunCache
+from vtrack_ros.evaluation.cache import RunCache, source_files, source_hash
 from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.evaluation.report import html_page
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.runner import run_tracker
 from vtrack_ros.evaluation.scoring import FIGURES
-from vtrack_ros.evaluation.source_hash import source_files, source_hash
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names
 

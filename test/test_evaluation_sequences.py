@@ -125,7 +125,7 @@ def test_names_are_unique(tmp_path):
 def test_bag(repository):
     """A recorded bag is a sequence with its truth, NaN where the target is absent."""
     pytest.importorskip('rosbags', reason='needs rosbags')
-    from vtrack_ros.evaluation.bag_sequence import read_bag
+    from vtrack_ros.evaluation.sequences import read_bag
     sequence = read_bag(str(repository / 'bags' / 'face_fast'))
     assert sequence.fingerprint()
     assert sequence.name == 'face_fast'
@@ -139,7 +139,7 @@ def test_bag(repository):
 def test_bag_that_is_none(tmp_path):
     """What isn't a bag is a broken sequence."""
     pytest.importorskip('rosbags', reason='needs rosbags')
-    from vtrack_ros.evaluation.bag_sequence import read_bag
+    from vtrack_ros.evaluation.sequences import read_bag
     (tmp_path / 'torn.mcap').write_bytes(b'nothing of the kind')
     with pytest.raises(SequenceError, match='torn.mcap'):
         read_bag(tmp_path / 'torn.mcap')

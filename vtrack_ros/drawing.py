@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Collection, Sequence
 import math
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import cv2
@@ -148,8 +147,7 @@ class Film:
         """Return the film."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Finish the files, or remove them after an error."""
         video, sheet = self.paths
         if self._writer is not None:

@@ -1,8 +1,8 @@
-"""Frames from image folders and video files, with their truth where there is one."""
+"""Bags made of frames with their truth: from image folders, video files and scenes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math
 from pathlib import Path
@@ -13,8 +13,16 @@ import numpy as np
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.image_folder import (
     GROUND_TRUTH, image_files, read_ground_truth, read_image)
-from vtrack_ros.bags.recording import Truth
+from vtrack_ros.bags.topics import checked_topic
+from vtrack_ros.bags.writer import BagWriter
 from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+#: The stamp of the first frame, in nanoseconds: not zero, which ROS takes for "no time".
+FIRST_STAMP = 1_000 * 1_000_000_000
+
+#: What's known of a frame: a box, None where the target is absent, or nothing at all.
+Truth = Box | None
 
 
 @dataclass(frozen=True)
@@ -53,12 +61,7 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     Open a video file, or a folder with images or with ``img/`` and ``groundtruth_rect.txt``.
 
     `truth` is a file of boxes, one ``x,y,width,height`` a row; by default the folder's own.
-
-    Raises
-    ------
-    SequenceError
-        If there is nothing that can be read, or the truth doesn't fit.
-
+    SequenceError if there is nothing that can be read, or the truth doesn't fit.
     """
     if not path.exists():
         raise BagError(f'{path} does not exist')
@@ -79,6 +82,29 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
         raise BagError(f'{truth} has {len(boxes)} rows, but {path} {len(images)} images; give '
                        'another --truth FILE, or --no-truth')
     return Source(path, images, boxes, rate)
+
+
+def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: float = 25.0,
+           storage: str = 'mcap', compression: str = 'none', topic: str = 'image',
+           with_truth: bool = True) -> int:
+    """
+    Write frames with their truth, at `rate` in Hz, into a bag; return how many there were.
+
+    The truth isn't written without `with_truth`; `path`, `storage` and `compression` are as
+    `BagWriter` takes them. BagError if there's no frame, the topic has no name for ROS, or the bag
+    can't be written.
+    """
+    count, topic = 0, checked_topic(topic)
+    with BagWriter(path, storage, compression) as writer:
+        for frame, truth in frames:
+            stamp = FIRST_STAMP + round(count * 1e9 / rate)
+            writer.write_frame(frame, stamp, topic)
+            if with_truth:
+                writer.write_truth(truth, stamp)
+            count += 1
+        if count == 0:
+            raise BagError('there is no frame to write')
+    return count
 
 
 def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:

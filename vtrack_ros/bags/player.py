@@ -45,25 +45,12 @@ class Played:
 
 class Player:
     """
-    Publishes the raw messages of a bag through a node; a context manager.
+    Publishes the raw messages of an open bag through an rclpy node; a context manager.
 
-    Parameters
-    ----------
-    node : rclpy.node.Node
-    bag : BagReader
-        Open.
-    topics : iterable of str, optional
-        By default all.
-    names : mapping of str to str
-        Topic in the bag -> topic to publish on, where they differ.
-    reliability : {'auto', 'reliable', 'best_effort'}
-        'auto' offers what was offered at recording; durability always is as it was.
-
-    Raises
-    ------
-    BagError
-        If a topic isn't in the bag, none can be played, or a name won't do for ROS.
-
+    `topics` are by default all, `names` topic in the bag -> topic to publish on, where they
+    differ. `reliability` is reliable, best_effort, or auto: as was offered at recording;
+    durability always is as it was. BagError if a topic isn't in the bag, none can be played, or a
+    name won't do for ROS.
     """
 
     def __init__(self, node: Any, bag: BagReader, topics: Iterable[str] | None = None,

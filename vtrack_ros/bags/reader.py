@@ -8,7 +8,6 @@ from pathlib import Path
 import sqlite3
 from statistics import median
 import struct
-from types import TracebackType
 from typing import Any
 
 from rosbags.interfaces import (
@@ -64,12 +63,8 @@ class BagReader:
     """
     Reads a rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 .bag; a context manager.
 
-    Raises
-    ------
-    BagError
-        If it's missing, empty, truncated or otherwise broken: when it's opened, or when what is
-        broken comes up.
-
+    BagError if it's missing, empty, truncated or otherwise broken: when it's opened, or when what
+    is broken comes up.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -80,10 +75,7 @@ class BagReader:
         """Open the bag."""
         self._check_path()
         try:
-            if self._is_ros1:
-                self._reader = Ros1Reader(self.path)
-            else:
-                self._reader = Ros2Reader(self.path)
+            self._reader = (Ros1Reader if self._is_ros1 else Ros2Reader)(self.path)
             self._reader.open()
             empty = self._reader.message_count == 0
         except _BROKEN as error:
@@ -95,8 +87,7 @@ class BagReader:
             raise BagError(f'{self.path} is empty: it holds no message')
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the bag."""
         self._reader.close()
 
@@ -215,12 +206,9 @@ class BagReader:
         """
         known = self.topics.get(absolute(topic))
         if known is not None and known.message_type == messages.DETECTIONS:
-            truth = {}
-            for raw in self.raw({topic}):
-                message = self._deserialized(raw)
-                stamp = stamp_nanoseconds(message.header.stamp)
-                truth[stamp] = messages.detected_box(message)
-            return truth
+            read = map(self._deserialized, self.raw({topic}))
+            return {stamp_nanoseconds(message.header.stamp): messages.detected_box(message)
+                    for message in read}
         folder = self.path if self.path.is_dir() else self.path.parent
         return read_truth(folder / TRUTH_FILE) if (folder / TRUTH_FILE).is_file() else {}
 

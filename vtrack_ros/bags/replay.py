@@ -36,23 +36,10 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
     """
     Follow a target through images, as the node would that drops none but late ones.
 
-    Parameters
-    ----------
-    images : iterable of StampedFrame
-        In the order in which they came.
-    session : TrackingSession
-        Has no target yet.
-    truth : mapping
-        Stamp in nanoseconds -> true box, None where the target is absent.
-    box : Box, optional
-        Where the target is in the first image, and again where the stamps go backwards because a
-        stream begins anew; by default the first true box says where it is, and when.
-
-    Raises
-    ------
-    BagError
-        If neither a box nor the truth says where the target is, or nothing of it is in the image.
-
+    `session` has no target yet; `truth` is stamp in nanoseconds -> true box, None where the target
+    is absent. `box` says where it is in the first image, and again where the stamps go backwards
+    because a stream begins anew; by default the first true box says where it is, and when.
+    BagError if neither does, or nothing of the target is in the image.
     """
     flow = FrameFlow()
     waiting = True

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 import shutil
 import tempfile
-from types import TracebackType
+from typing import Any
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
@@ -32,18 +32,9 @@ class ResultFolder:
     leaves the folder as it was.
 
     The folder is made where it isn't there; `source` is the bag that is read, which the results
-    must not replace.
-
-    Attributes
-    ----------
-    place : Path
-        Where everything is written until it's complete; other files of a result go there too.
-
-    Raises
-    ------
-    BagError
-        If it can't be written, or something stands there that isn't the result of a replay.
-
+    must not replace. Until it's complete everything is written in `place`; other files of a
+    result go there too. BagError if it can't be written, or something stands there that isn't the
+    result of a replay.
     """
 
     def __init__(self, path: Path, source: Path) -> None:
@@ -70,10 +61,9 @@ class ResultFolder:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: Any) -> None:
         """Put the results in their place, or remove them after an error."""
-        self._stack.__exit__(kind, error, trace)
+        self._stack.__exit__(*error)
 
     def write(self, step: Step) -> None:
         """Append a frame to the table, in full precision, and to the bag as the node's output."""
@@ -109,8 +99,7 @@ class ResultFolder:
             raise BagError(f"{foreign[0]} exists already and isn't the result of a replay: give "
                            'another folder, or remove it first')
 
-    def _finish(self, kind: type[BaseException] | None, error: BaseException | None,
-                trace: TracebackType | None) -> None:
+    def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
             # Should this be cut short, what it has not put back is still in the scratch folder.
             earlier = self._scratch / 'earlier'

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 import shutil
 import tempfile
-from types import TracebackType
 from typing import Any
 
 from rosbags.interfaces import (
@@ -35,20 +34,8 @@ class BagWriter:
     Writes a rosbag2 bag; a context manager.
 
     The bag appears under its name when it's complete: an error or an interruption leaves nothing.
-
-    Parameters
-    ----------
-    path : str or Path
-        The bag's folder, which must not exist yet.
-    storage : {'mcap', 'sqlite3'}
-    compression : {'none', 'png', 'jpeg'}
-        Without, images are stored as Image, else as CompressedImage.
-
-    Raises
-    ------
-    BagError
-        If the path exists, or can't be written.
-
+    `storage` is one of `STORAGES`; with a compression, one of `COMPRESSIONS`, images are stored as
+    CompressedImage. BagError if the path exists, or can't be written.
     """
 
     def __init__(
@@ -82,8 +69,7 @@ class BagWriter:
         self._writer.open()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Finish the bag, or remove it after an error."""
         try:
             if kind is None:

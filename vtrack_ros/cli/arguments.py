@@ -12,24 +12,23 @@ from vtrack_ros.geometry import Box
 Number = TypeVar('Number', int, float)
 
 
-def positive_integer(text: str) -> int:
-    """Read a whole number from 1 on."""
-    return _number(text, int, 1, math.inf, 'a whole number from 1 on')
+def _number(kind: Callable[[str], Number], low: float, high: float,
+            valid: str) -> Callable[[str], Number]:
+    def read(text: str) -> Number:
+        try:
+            value = kind(text)
+            if math.isfinite(value) and low <= value <= high:
+                return value
+        except ValueError:
+            pass
+        raise ArgumentTypeError(f'must be {valid}, not {text!r}')
+    return read
 
 
-def seed(text: str) -> int:
-    """Read a whole number from 0 on, as seeds are."""
-    return _number(text, int, 0, 2 ** 31 - 1, f'a whole number from 0 to {2 ** 31 - 1}')
-
-
-def positive_number(text: str) -> float:
-    """Read a number above 0."""
-    return _number(text, float, math.ulp(0.0), math.inf, 'a number above 0')
-
-
-def duration(text: str) -> float:
-    """Read a number of seconds, 0 included."""
-    return _number(text, float, 0.0, math.inf, 'a number of seconds from 0 on')
+positive_integer = _number(int, 1, math.inf, 'a whole number from 1 on')
+seed = _number(int, 0, 2 ** 31 - 1, f'a whole number from 0 to {2 ** 31 - 1}')
+positive_number = _number(float, math.ulp(0.0), math.inf, 'a number above 0')
+duration = _number(float, 0.0, math.inf, 'a number of seconds from 0 on')
 
 
 def image_size(text: str) -> tuple[int, int]:
@@ -53,14 +52,3 @@ def box(text: str) -> Box:
         return Box(x, y, width, height)
     except ValueError as error:
         raise ArgumentTypeError(f'{text!r}: {error}') from None
-
-
-def _number(text: str, kind: Callable[[str], Number], low: float, high: float,
-            valid: str) -> Number:
-    try:
-        value = kind(text)
-        if math.isfinite(value) and low <= value <= high:
-            return value
-    except ValueError:
-        pass
-    raise ArgumentTypeError(f'must be {valid}, not {text!r}')

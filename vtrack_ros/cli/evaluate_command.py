@@ -12,13 +12,12 @@ from typing import Any
 from vtrack_ros.bags import SequenceError
 from vtrack_ros.cli.arguments import positive_integer
 from vtrack_ros.cli.progress import ProgressBar
-from vtrack_ros.evaluation.bag_sequence import read_bag
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.evaluator import evaluate
 from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.results_json import write_json
-from vtrack_ros.evaluation.scene_sequence import scene_sequence
-from vtrack_ros.evaluation.sequences import find_sequences, Sequence, uniquely_named
+from vtrack_ros.evaluation.sequences import (
+    find_sequences, read_bag, scene_sequence, Sequence, uniquely_named)
 from vtrack_ros.evaluation.table import sequence_table, summary_table
 from vtrack_ros.evaluation.tracker_specification import parse_trackers
 from vtrack_ros.scenes import scene_names

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from vtrack_ros.bags.importing import open_source
-from vtrack_ros.bags.recording import record
+from vtrack_ros.bags.importing import open_source, record
 from vtrack_ros.cli.arguments import positive_number
 from vtrack_ros.cli.progress import with_progress
 from vtrack_ros.cli.synth_command import add_storage_arguments

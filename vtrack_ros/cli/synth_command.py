@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from vtrack_ros.bags.recording import record
+from vtrack_ros.bags.importing import record
 from vtrack_ros.bags.writer import COMPRESSIONS, STORAGES
 from vtrack_ros.cli.arguments import image_size, positive_integer, positive_number, seed
 from vtrack_ros.cli.progress import with_progress

@@ -75,20 +75,9 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
     Play a bag to a node, and record what it answers.
 
     Takes the node's ROS arguments and those of `vtrack play`, and a folder for the processes'
-    logs; `answered` is called with the number of answered frames, whenever it grows.
-
-    Returns
-    -------
-    sent : int
-        How many frames the player published.
-    answers : dict of int to Answer
-        By the stamps of the images in nanoseconds.
-
-    Raises
-    ------
-    DemoError
-        If a process fails or doesn't start.
-
+    logs; `answered` is called with the number of answered frames, whenever it grows. Returns how
+    many frames the player published, and the answers by the stamps of the images in nanoseconds;
+    DemoError if a process fails or doesn't start.
     """
     children = [Child('node', folder / 'node.log', 'vtrack_ros.ros.main', '--ros-args', *node)]
     try:

@@ -11,9 +11,8 @@ from uuid import uuid4
 
 from vtrack_ros.bags.errors import SequenceError
 from vtrack_ros.evaluation.cache import run_key, RunCache
-from vtrack_ros.evaluation.one_thread import one_thread
 from vtrack_ros.evaluation.results import Problem, Results
-from vtrack_ros.evaluation.runner import Run, run_tracker
+from vtrack_ros.evaluation.runner import one_thread, Run, run_tracker
 from vtrack_ros.evaluation.sequences import find_sequences, Sequence, uniquely_named
 from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
 from vtrack_ros.frame import Frame
@@ -45,27 +44,15 @@ def evaluate(
     Each run has one thread: OpenCV's and the linear algebra's pools are set to one. The processes
     are joblib's: below ``joblib.parallel_config(backend='dask')`` those of a dask cluster.
 
-    Parameters
-    ----------
-    trackers : iterable of str or TrackerSpecification
-        Such as ``'pf'`` or ``'gmpf:particles=40'``.
-    sequences : iterable of Sequence, or a folder
-        A folder as `find_sequences` takes it; broken ones are among the results' problems.
-    seeds : int or iterable of int
-        How many (then 0, 1, ...), or which. A tracker that ignores its seed runs with the first
-        one alone.
-    jobs : int, optional
-        How many processes, by default one for each processor; 0 and 1 run in this one.
-    progress : callable, optional
-        Called with the number of runs done and of all.
-    cache : RunCache, optional
-        Where runs are taken from that were made before, and where new ones are kept.
+    Trackers are such as ``'pf'`` or ``'gmpf:particles=40'``; sequences may be a folder, as
+    `find_sequences` takes it, whose broken ones are among the results' problems. `seeds` says how
+    many (then 0, 1, ...) or which; a tracker that ignores its seed runs with the first one alone.
+    `jobs` is how many processes, by default one for each processor; 0 and 1 run in this one.
+    `progress` is called with the number of runs done and of all. Runs that were made before are
+    taken from the `cache`, where new ones are kept.
 
-    Raises
-    ------
-    ValueError, TypeError
-        If a tracker, the seeds or jobs is wrong; SequenceError if the folder is.
-
+    ValueError or TypeError if a tracker, the seeds or jobs is wrong; SequenceError if the folder
+    is.
     """
     chosen = specifications(trackers)
     numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(dict.fromkeys(seeds))

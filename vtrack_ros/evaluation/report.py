@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.resources import files
+from itertools import chain, zip_longest
 import math
 from pathlib import Path
 from typing import Any
@@ -16,13 +18,12 @@ from numpy.typing import NDArray
 
 from vtrack_ros.evaluation import metrics
 from vtrack_ros.evaluation.charts import bar_chart, colour, Curve, line_chart
-from vtrack_ros.evaluation.environment import environment
 from vtrack_ros.evaluation.results import Results, Scores
+from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import Run
 from vtrack_ros.evaluation.scoring import FIGURES
 from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.evaluation.table import number_text, ranked
-from vtrack_ros.evaluation.worst_frames import worst_frames, WorstFrame
 from vtrack_ros.frame import Frame
 
 #: What is better for a figure: its largest value or its smallest; the others aren't compared.
@@ -44,6 +45,47 @@ _FOR_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'report
                  'false_alarms', 'wrong_tracking', 'found15', 'coverage90', 'ms_median')
 #: The width of a picture, in pixels of the page.
 _PICTURE = 306
+
+
+@dataclass(frozen=True)
+class WorstFrame:
+    """A frame by its index, whose worst one it is, and that one's overlap; NaN without target."""
+
+    index: int
+    tracker: str
+    overlap: float
+
+
+def worst_frames(
+        runs: Mapping[str, Run], truth: NDArray[np.float64], limit: int = 3,
+        apart: int = 8) -> list[WorstFrame]:
+    """
+    Return the worst frames of a sequence's runs, at most `limit`, in the order of time.
+
+    Those of a tracker are where its stretches off the target begin, the longest first, and then
+    the frames of its least overlap. Every tracker has its turn, the worst one first; frames that
+    are closer to one another than `apart` count as one.
+    """
+    overlaps = {label: metrics.overlaps(run.boxes, truth) for label, run in runs.items()}
+    worst_first = sorted(overlaps, key=lambda label: float(np.nanmean(overlaps[label])))
+    turns = zip_longest(*(
+        [(label, index) for index in _candidates(overlaps[label])] for label in worst_first))
+    chosen: list[WorstFrame] = []
+    for candidate in chain.from_iterable(turns):
+        if candidate is None or len(chosen) == limit:
+            continue
+        label, index = candidate
+        if all(abs(index - other.index) >= apart for other in chosen):
+            chosen.append(WorstFrame(index, label, float(overlaps[label][index])))
+    return sorted(chosen, key=lambda frame: frame.index)
+
+
+def _candidates(overlap: NDArray[np.float64]) -> list[int]:
+    known = np.nan_to_num(overlap, nan=1.0)
+    losses = sorted(metrics.stretches(known < metrics.OFF_TARGET),
+                    key=lambda stretch: stretch[0] - stretch[1])
+    least = np.argsort(known, kind='stable')
+    return [begin for begin, _ in losses] + [int(index) for index in least]
 
 
 def write_html(results: Results, path: Path) -> None:

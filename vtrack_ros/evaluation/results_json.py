@@ -1,15 +1,41 @@
-"""Results as JSON."""
+"""Results as JSON, with the machine, versions and date of the measurement."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from datetime import datetime, UTC
 import json
 import math
+import os
 from pathlib import Path
+import platform
+import re
 from typing import Any
 
-from vtrack_ros.evaluation.environment import environment
+import cv2
+import numpy as np
+
+from vtrack_ros import __version__
 from vtrack_ros.evaluation.results import Results, Scores
 from vtrack_ros.evaluation.scoring import FIGURES
+
+
+def environment() -> dict[str, str | int]:
+    """Return machine, versions and date, for the head of a table of measurements."""
+    try:
+        named = re.search(r'^model name\s*:\s*(.*)$', Path('/proc/cpuinfo').read_text(), re.M)
+    except OSError:
+        named = None
+    return {
+        'date': datetime.now(UTC).isoformat(timespec='seconds'),
+        'processor': named[1].strip() if named else platform.processor() or 'unknown',
+        'cores': os.cpu_count() or 1,
+        'system': f'{platform.system()} {platform.machine()}',
+        'python': platform.python_version(),
+        'numpy': np.__version__,
+        'opencv': cv2.__version__,
+        'vtrack_ros': __version__,
+    }
 
 
 def as_json(results: Results) -> dict[str, Any]:
@@ -32,8 +58,7 @@ def as_json(results: Results) -> dict[str, Any]:
         'sequences': {sequence: {tracker: _plain(scores) for tracker, scores in row.items()}
                       for sequence, row in results.by_sequence.items()},
         'summary': {tracker: _plain(scores) for tracker, scores in results.summary.items()},
-        'problems': [{'sequence': problem.sequence, 'tracker': problem.tracker,
-                      'text': problem.text} for problem in results.problems],
+        'problems': [asdict(problem) for problem in results.problems],
     }
 
 

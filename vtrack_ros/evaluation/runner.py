@@ -1,12 +1,14 @@
-"""Running one tracker over one sequence, once, and keeping all that it said."""
+"""Running one tracker over one sequence, once and on one thread, and keeping all it said."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import repeat
 import time
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,26 +16,23 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.tracker import Estimate, Tracker
 
+try:
+    from threadpoolctl import threadpool_limits
+except ImportError:
+    # Worker processes are started with one thread; only runs in this one may then use more.
+    threadpool_limits = nullcontext
+
 
 @dataclass(frozen=True)
 class Run:
     """
     What a tracker said in one pass over n frames, and how long it took.
 
-    Parameters
-    ----------
-    boxes : ndarray, shape (n, 4), [px]
-        Measured or predicted; the first is the box that was given.
-    covariances : ndarray, shape (n, 2, 2), [px^2]
-        Of the centre.
-    confidences : ndarray, shape (n,)
-    measured : ndarray of bool, shape (n,)
-        Whether the state was TRACKING.
-    wall_ms, cpu_ms : ndarray, shape (n - 1,), [ms]
-        The time of each update, by the clock and of the process on all its threads.
-    cached : bool
-        Whether it was run at another time, so that its times may be another machine's.
-
+    `boxes`, shape (n, 4), are measured or predicted, the first is the one that was given; the
+    `covariances`, shape (n, 2, 2), are those of the centre, both in pixels; `measured` is whether
+    the state was TRACKING. `wall_ms` and `cpu_ms`, shape (n - 1,), are the time of each update, by
+    the clock and of the process on all its threads. `cached` is one that was run at another time,
+    so that its times may be another machine's.
     """
 
     boxes: NDArray[np.float64]
@@ -51,13 +50,7 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
     Start a tracker on the first frame and update it with every other one.
 
     Only `update` is timed: neither reading a frame nor starting. `steps` is for each frame the
-    time since the one before, in frame intervals, by default 1.
-
-    Raises
-    ------
-    ValueError
-        If there is no frame; and whatever the tracker raises.
-
+    time since the one before, in frame intervals, by default 1. ValueError if there is no frame.
     """
     estimates: list[Estimate] = []
     times: list[tuple[float, float]] = []
@@ -81,3 +74,15 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
         confidences=np.array([estimate.confidence for estimate in estimates], dtype=np.float64),
         measured=np.array([estimate.measured for estimate in estimates]),
         wall_ms=wall, cpu_ms=cpu)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep OpenCV and the linear algebra on one thread meanwhile."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with threadpool_limits(1):
+            yield
+    finally:
+        cv2.setNumThreads(threads)

@@ -1,4 +1,4 @@
-"""Sequences with truth: folders of images as the tracking benchmarks publish them."""
+"""Sequences with truth: folders as the benchmarks publish them, bags and rendered scenes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.bags.errors import SequenceError
+from vtrack_ros.bags import BagReader, SequenceError
 from vtrack_ros.bags.image_folder import (
     GROUND_TRUTH, ground_truth_files, image_files, read_ground_truth, read_image)
 from vtrack_ros.evaluation.metrics import truth_rows
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.scenes import render
+from vtrack_ros.session.session import FrameIntervalEstimator
 
 
 @dataclass(frozen=True)
@@ -24,18 +26,8 @@ class Sequence(ABC):
     """
     Frames, and where the target really is in them.
 
-    Parameters
-    ----------
-    name : str
-        What it's called in tables.
-    truth : ndarray, shape (n, 4), [px]
-        Rows of x, y, width, height, one per frame; NaN where the target is absent.
-
-    Raises
-    ------
-    SequenceError
-        If the target isn't there in the first frame, in which a tracker is started.
-
+    `truth`, shape (n, 4), has x, y, width, height in pixels for each frame, NaN where the target
+    is absent; SequenceError if that's in the first frame, in which a tracker is started.
     """
 
     name: str
@@ -43,8 +35,7 @@ class Sequence(ABC):
 
     def __post_init__(self) -> None:
         if np.isnan(self.truth[0]).any():
-            raise SequenceError(
-                f'{self.name}: the first frame has no box to start a tracker on')
+            raise SequenceError(f'{self.name}: the first frame has no box to start a tracker on')
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -127,6 +118,125 @@ def read_folder(folder: Path) -> list[FolderSequence]:
                 f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
         result.append(FolderSequence(folder.name + suffix, truth, images))
     return result
+
+
+@dataclass(frozen=True)
+class BagSequence(Sequence):
+    """
+    The images of a bag's topic, from the `first` one with a true box on.
+
+    `intervals`, shape (n,), is the time since the image before, in frame intervals: more than 1
+    where some dropped.
+    """
+
+    path: Path
+    topic: str
+    first: int
+    intervals: NDArray[np.float64]
+
+    @property
+    def video(self) -> str:
+        """Return bag and topic."""
+        return f'{self.path}:{self.topic}'
+
+    @property
+    def steps(self) -> NDArray[np.float64]:
+        """Return the intervals."""
+        return self.intervals
+
+    def frames(self) -> Iterable[Frame]:
+        """Decode the images; errors as the base class."""
+        with BagReader(self.path) as bag:
+            for index, stamped in enumerate(bag.frames(self.topic)):
+                if index >= self.first:
+                    yield stamped.frame
+
+    def fingerprint(self) -> str:
+        """Return a hash of topic, truth and every file's content."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.truth).tobytes())
+        digest.update(f'{self.topic} {self.first}'.encode())
+        files = sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
+        for file in files:
+            if file.is_file():
+                with file.open('rb') as opened:
+                    digest.update(hashlib.file_digest(opened, 'sha256').digest())
+        return digest.hexdigest()
+
+
+def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
+    """
+    Return a bag, of whose image topics one is chosen, as a sequence named as its file or folder.
+
+    SequenceError if it can't be read, or has no truth for an image after the first that has.
+    """
+    path = Path(path)
+    with BagReader(path) as bag:
+        name = bag.image_topic(topic).name
+        boxes = bag.truth()
+        stamps = [stamped.stamp for stamped in bag.frames(name)]
+    if not boxes:
+        raise SequenceError(f'{path}: the bag has no truth, neither as a topic nor as a CSV')
+    first = next((index for index, stamp in enumerate(stamps) if boxes.get(stamp)), None)
+    if first is None:
+        raise SequenceError(f'{path}: none of the {len(stamps)} images has a true box')
+    stamps = stamps[first:]
+    unknown = sum(stamp not in boxes for stamp in stamps)
+    if unknown:
+        raise SequenceError(f'{path}: {unknown} of {len(stamps)} images have no truth; a target '
+                            'that is absent has a row of NaN')
+    estimator = FrameIntervalEstimator()
+    intervals = [1.0, *(estimator.steps(after - before)
+                        for before, after in zip(stamps, stamps[1:]))]
+    return BagSequence(path.resolve().stem, truth_rows(boxes[stamp] for stamp in stamps), path,
+                       name, first, np.array(intervals))
+
+
+@dataclass(frozen=True)
+class SceneSequence(Sequence):
+    """What `render` makes of these arguments, again whenever frames are asked for."""
+
+    scene: str
+    size: tuple[int, int] | None
+    count: int | None
+    seed: int
+    digest: str
+
+    @property
+    def video(self) -> str:
+        """Return what was rendered."""
+        return f'scene {self.scene} {self.size} {self.count} {self.seed}'
+
+    def frames(self) -> Iterable[Frame]:
+        """Render the frames one by one."""
+        return (shot.frame for shot in render(self.scene, self.size, self.count, self.seed))
+
+    def fingerprint(self) -> str:
+        """Return the hash of the frames and the truth, as they were rendered the first time."""
+        return self.digest
+
+
+def scene_sequence(
+        scene: str, size: tuple[int, int] | None = None, frames: int | None = None,
+        seed: int = 0, name: str | None = None) -> SceneSequence:
+    """
+    Render a scene once for its truth, and return it as a sequence.
+
+    Its name in tables is by default the scene's name, with what differs from the scene's defaults;
+    the other arguments and errors are those of `vtrack_ros.scenes.render`.
+    """
+    digest = hashlib.sha256()
+    boxes = []
+    for shot in render(scene, size, frames, seed):
+        digest.update(np.ascontiguousarray(shot.frame).tobytes())
+        boxes.append(shot.truth)
+    truth = truth_rows(boxes)
+    digest.update(truth.tobytes())
+    if name is None:
+        details = [f'{size[0]}x{size[1]}'] if size is not None else []
+        details += [f'{frames} frames'] if frames is not None else []
+        details += [f'seed {seed}'] if seed else []
+        name = f'{scene} ({", ".join(details)})' if details else scene
+    return SceneSequence(name, truth, scene, size, frames, seed, digest.hexdigest())
 
 
 def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
