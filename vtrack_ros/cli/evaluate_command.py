@@ -82,8 +82,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(results, arguments.json)
     if arguments.html:
-        from vtrack_ros.evaluation.report import write_html
-        write_html(results, arguments.html)
+        from vtrack_ros.evaluation.report import html_page
+        arguments.html.write_text(html_page(results), encoding='utf-8')
     return 1 if results.problems else 0
 
 

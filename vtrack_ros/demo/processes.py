@@ -109,7 +109,6 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
 
 
 def _frames_sent(player: Child) -> int:
-    """Return how many images the player says it published."""
     player.wait()
     try:
         return int(json.loads(player.said.splitlines()[-1])['images'])

@@ -138,20 +138,18 @@ def _outcomes(
 
 def run_task(task: Task, evaluation: str) -> list[Run] | str:
     """Return a task's runs, in the order of its seeds, or what went wrong."""
+    sequence = task.sequence
     try:
         with one_thread():
-            return [_run(task, seed, evaluation) for seed in task.seeds]
+            runs = [run_tracker(task.tracker.create(seed), _frames(sequence, evaluation),
+                                sequence.first_box, sequence.steps) for seed in task.seeds]
+        for run in runs:
+            if len(run.boxes) != len(sequence):
+                raise SequenceError(
+                    f'only {len(run.boxes)} of {len(sequence)} frames could be read')
+        return runs
     except Exception as error:  # noqa: B902 - one that fails must not end the others
         return f'{type(error).__name__}: {error}'
-
-
-def _run(task: Task, seed: int, evaluation: str) -> Run:
-    sequence = task.sequence
-    run = run_tracker(task.tracker.create(seed), _frames(sequence, evaluation),
-                      sequence.first_box, sequence.steps)
-    if len(run.boxes) != len(sequence):
-        raise SequenceError(f'only {len(run.boxes)} of {len(sequence)} frames could be read')
-    return run
 
 
 #: The last video's frames, in each process, by evaluation and video: files may change in between.

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from importlib.resources import files
 from itertools import chain, zip_longest
 import math
-from pathlib import Path
 from typing import Any
 
 import cv2
@@ -86,11 +85,6 @@ def _candidates(overlap: NDArray[np.float64]) -> list[int]:
                     key=lambda stretch: stretch[0] - stretch[1])
     least = np.argsort(known, kind='stable')
     return [begin for begin, _ in losses] + [int(index) for index in least]
-
-
-def write_html(results: Results, path: Path) -> None:
-    """Write the page to a file."""
-    path.write_text(html_page(results), encoding='utf-8')
 
 
 def html_page(results: Results) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence as Ordered
 import math
 
+import numpy as np
+
 from vtrack_ros.evaluation.results import Results, Scores
 from vtrack_ros.evaluation.scoring import FIGURES
 
@@ -20,11 +22,8 @@ _FRACTIONS = frozenset({
 
 def ranked(results: Results) -> dict[str, Scores]:
     """Return the summary by tracker: the best AUC first, those without one last."""
-    def worth(label: str) -> float:
-        value = results.summary[label]['auc']
-        return -math.inf if math.isnan(value) else value
-    return {label: results.summary[label]
-            for label in sorted(results.summary, key=worth, reverse=True)}
+    return dict(sorted(results.summary.items(), reverse=True, key=lambda row: float(
+        np.nan_to_num(row[1]['auc'], nan=-math.inf))))
 
 
 def summary_table(results: Results) -> str:
