@@ -1,7 +1,5 @@
 """What DDS reads from the environment: the profile of its shared memory, and the domain."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 import os
 from pathlib import Path

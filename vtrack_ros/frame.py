@@ -1,7 +1,5 @@
 """What a frame is, and what other arrays and places are called."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

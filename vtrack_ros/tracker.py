@@ -1,7 +1,5 @@
 """What a tracker is: started on a box, updated with frames, honest about what it knows."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 import enum

@@ -1,7 +1,5 @@
 """The likelihood of affine frames: colour, the subspace of patches, and keypoints."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

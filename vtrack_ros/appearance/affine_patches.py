@@ -1,7 +1,5 @@
 """The pixels under many affine frames at once: grey patches and colour histograms."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

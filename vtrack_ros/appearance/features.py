@@ -5,8 +5,6 @@ Every function's cost depends on the number of samples alone, and neither on the
 on the frame's.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

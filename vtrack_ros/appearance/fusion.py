@@ -1,7 +1,5 @@
 """Fusing what several cues say about many hypotheses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colour histograms of many boxes at once, at a cost that doesn't grow with their size."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The keypoints of a target, in its own coordinates, that have moved with it so far."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtrack_ros.appearance.keypoints import Keypoints, nearest, pose_change, PoseChange

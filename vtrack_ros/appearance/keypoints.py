@@ -1,7 +1,5 @@
 """How a target moved between two frames, from the keypoints that both show."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """Histograms of the direction of moving edges."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

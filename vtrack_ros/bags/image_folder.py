@@ -1,7 +1,5 @@
 """Folders of images with a ground truth, as the tracking benchmarks publish them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 import re
 

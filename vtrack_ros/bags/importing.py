@@ -1,7 +1,5 @@
 """Bags made of frames with their truth: from image folders, video files and scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math

@@ -1,7 +1,5 @@
 """The messages that travel in our bags, made and read without ROS."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Running a tracker over a bag: as fast as it goes, the same every time, without a node."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 import time

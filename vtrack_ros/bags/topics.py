@@ -1,7 +1,5 @@
 """Topics of bags, and their names, checked without ROS."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 import re
 

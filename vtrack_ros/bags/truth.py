@@ -1,7 +1,5 @@
 """Ground truth beside a bag: a CSV with one row per frame."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 import csv
 import math

@@ -1,7 +1,5 @@
 """Values on the command line, each with a message that says what is valid."""
 
-from __future__ import annotations
-
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 import math

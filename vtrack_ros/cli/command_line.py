@@ -5,8 +5,6 @@ A subcommand is a module with `add_arguments(parser)`, `run(arguments) -> int` a
 line in `_COMMANDS` makes it known. It's imported only when it's called.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from difflib import get_close_matches

@@ -1,7 +1,5 @@
 """`vtrack evaluate`: which tracker is best on which sequence, in figures."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager

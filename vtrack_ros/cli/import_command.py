@@ -1,7 +1,5 @@
 """`vtrack import`: bags of images and videos."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

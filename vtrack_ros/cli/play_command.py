@@ -1,7 +1,5 @@
 """`vtrack play`: a bag over ROS."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """A progress bar on a terminal, a line now and then in a log."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 import io
 import sys

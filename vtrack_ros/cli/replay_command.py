@@ -1,7 +1,5 @@
 """`vtrack replay`: a tracker over a bag, without a node."""
 
-from __future__ import annotations
-
 import argparse
 from contextlib import ExitStack
 import json

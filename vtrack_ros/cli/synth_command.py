@@ -1,7 +1,5 @@
 """`vtrack synth`: scenes with exact truth."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The demo's processes: a node, a player, and a recorder in this one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Particles on the affine group, and the particles in a vector of parameters beside them."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 
 import numpy as np

@@ -11,8 +11,6 @@ of the window (m), where the print has the frame number k: with that the forecas
 as time goes by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 import math
 

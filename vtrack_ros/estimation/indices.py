@@ -1,7 +1,5 @@
 """Indices that compare algorithms on several criteria."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

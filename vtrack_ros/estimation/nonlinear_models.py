@@ -1,7 +1,5 @@
 """Nonlinear models that filters are measured on, two scalar ones and a radar; simulation."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

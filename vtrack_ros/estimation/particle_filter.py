@@ -1,7 +1,5 @@
 """The particle filter: one loop, whatever the proposal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias

@@ -1,7 +1,5 @@
 """Proposals, where a particle filter looks for the next state: the prior, Gaussian filters."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 import math

@@ -1,7 +1,5 @@
 """The Kalman filter with sigma points: UKF, QKF, P-QKF and CKF are one filter with a rule."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

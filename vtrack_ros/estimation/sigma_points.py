@@ -4,8 +4,6 @@ Sigma points: rules that replace the integral of a function over a Gaussian by a
 A rule is for N(0, I) of some dimension; points of N(mean, P) are `mean + L xi`, `L L^T = P`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 import itertools

@@ -1,7 +1,5 @@
 """Runs kept on disk under a hash of all that they depend on."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a tracker says about itself, against the truth: confidence, state and covariance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 import math
 

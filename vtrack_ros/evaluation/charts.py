@@ -1,7 +1,5 @@
 """Charts as SVG to be set into a page, which lends them its colours and fonts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from io import StringIO

@@ -1,7 +1,5 @@
 """Running many trackers over many sequences, in processes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from dataclasses import dataclass
 from itertools import product

@@ -7,8 +7,6 @@ no overlap and no centre error, only in the figures of loss. The first frame, wh
 counts as in the one-pass evaluation of OTB [Wu2013].
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """OpenCV's own trackers behind this package's face, to be measured by the same harness."""
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """What an evaluation found: runs by sequence, tracker and seed, and their figures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass
 from functools import cached_property

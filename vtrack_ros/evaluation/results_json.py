@@ -1,7 +1,5 @@
 """Results as JSON, with the machine, versions and date of the measurement."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from datetime import datetime, UTC
 import json

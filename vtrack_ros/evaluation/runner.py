@@ -1,7 +1,5 @@
 """Running one tracker over one sequence, once and on one thread, and keeping all it said."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The figures of runs: of one, and of a tracker's runs over sequences and seeds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import math

@@ -1,7 +1,5 @@
 """Sequences with truth: folders as the benchmarks publish them, bags and rendered scenes."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

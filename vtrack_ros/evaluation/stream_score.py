@@ -1,7 +1,5 @@
 """The figures of a stream that was followed as it came, by a replay or by a node."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Results as text for a terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence as Ordered
 import math
 

@@ -1,7 +1,5 @@
 """Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,floor=0.5`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The group of two-dimensional affine transformations: exponential, logarithm, mean."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From pixels to rays and metres, with the uncertainty carried through."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 import math
 

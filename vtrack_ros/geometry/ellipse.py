@@ -1,7 +1,5 @@
 """Rotated ellipses as bandwidth matrices."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Localises one target frame by frame: what every tracker of this package holds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 import math
 

@@ -1,7 +1,5 @@
 """Mean shift on a map, and its fusion with particles [Yin2013]."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Re-detection: how a target is searched and found again after a tracking failure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Localises a target upright, however it has turned: for models that know one orientation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Reading a camera's calibration."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Boxes as messages of vision_msgs; `types` as in poses.py."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ Anything with the attributes of sensor_msgs/msg/Image or CompressedImage will do
 from rclpy or from a bag: nothing here needs ROS.
 """
 
-from __future__ import annotations
-
 from array import array
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Headers, rotations and poses as messages.
 Every function takes the message types: their full names -> classes, of rclpy or of rosbags.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Selections of a target out of messages."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

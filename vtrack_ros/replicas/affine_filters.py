@@ -1,7 +1,5 @@
 """APPF [Xiang] and its baselines: particle filters over affine frames."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

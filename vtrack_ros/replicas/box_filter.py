@@ -1,7 +1,5 @@
 """The particle filter over sized boxes that the first two papers and their baselines share."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import ClassVar
 

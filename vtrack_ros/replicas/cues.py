@@ -1,7 +1,5 @@
 """The cues that the papers' particle filters weight boxes with: colour, and moving edges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ABMSPF and ABMS: mean shift on an ellipse's colours, with few particles and without."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 import math
 

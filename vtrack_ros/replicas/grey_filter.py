@@ -1,7 +1,5 @@
 """GMPF: the grey-prediction particle filter [Zhu2012]."""
 
-from __future__ import annotations
-
 from vtrack_ros.estimation import ConstantVelocity, GreyProposal, Proposal
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter, WEIGHTING

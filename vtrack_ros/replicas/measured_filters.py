@@ -1,7 +1,5 @@
 """KPF, UPF, QKPF and P-QKPF: a Gaussian filter for each particle as the proposal."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """What the node says of itself: the target's state, and the flow of images."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 import time
 

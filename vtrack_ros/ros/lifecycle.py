@@ -1,7 +1,5 @@
 """The managed node, for those who bring robots up in steps."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn

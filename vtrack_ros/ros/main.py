@@ -1,7 +1,5 @@
 """The executable `tracker`: one target, followed through sensor_msgs/Image."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from importlib import import_module
 import os

@@ -1,7 +1,5 @@
 """The message classes of rclpy, by their full names."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

@@ -4,8 +4,6 @@ The parameters as files: config/*.yaml and docs/parameters.md, made from the tab
 `python -m vtrack_ros.ros.parameter_files` writes them afresh into the source tree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 import textwrap

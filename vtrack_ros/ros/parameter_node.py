@@ -1,7 +1,5 @@
 """A node's parameters: declared from the tables, refused with what is valid, put in force."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import replace
 import sys

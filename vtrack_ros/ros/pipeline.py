@@ -1,7 +1,5 @@
 """From image to pose: what the plain and the managed node share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 import time
 from typing import Any

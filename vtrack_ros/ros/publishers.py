@@ -1,7 +1,5 @@
 """The node's output topics: nothing is made that nobody listens to."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Quality of service: taking what the publisher offers, and saying so where nothing fits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, cast
 

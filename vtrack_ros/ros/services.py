@@ -1,7 +1,5 @@
 """The ways in which people and programs tell the node what to follow, and when."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

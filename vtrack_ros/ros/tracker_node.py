@@ -1,7 +1,5 @@
 """The plain node."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from vtrack_ros.ros.parameter_node import ParameterNode

@@ -1,7 +1,5 @@
 """The flow of a camera's frames: which came, which never did, and which begin another stream."""
 
-from __future__ import annotations
-
 from collections import deque
 from enum import Enum
 

@@ -1,7 +1,5 @@
 """The latest frames, kept for selections that were drawn on them and come late."""
 
-from __future__ import annotations
-
 from collections import deque
 
 from vtrack_ros.frame import Frame

@@ -1,7 +1,5 @@
 """Selecting the target: boxes, started on the frames that they were drawn on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from vtrack_ros.geometry import Box

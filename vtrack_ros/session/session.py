@@ -1,7 +1,5 @@
 """Following one target through a stream of stamped frames: what node and replay share."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

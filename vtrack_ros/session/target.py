@@ -1,7 +1,5 @@
 """One target: selected, tracked, given up."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from vtrack_ros.frame import Frame

@@ -1,7 +1,5 @@
 """ABMSPF: adaptive-bandwidth mean shift fused with few particles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtrack_ros.frame import Array, Frame, Point

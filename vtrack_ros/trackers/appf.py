@@ -1,7 +1,5 @@
 """APPF: a particle filter on the affine group, steered by keypoints and by the response."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths

@@ -1,7 +1,5 @@
 """The discriminative correlation filter alone: no filter over time, no particles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vtrack_ros.frame import Frame

@@ -1,7 +1,5 @@
 """Particle filters over the target's place: one tracker, three proposals."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from functools import partial
 import math

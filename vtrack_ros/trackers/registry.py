@@ -1,7 +1,5 @@
 """Trackers by name: one line each, and every front end offers it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
