@@ -77,6 +77,63 @@ def test_yuv_is_bt601(encoding, places, padding):
             assert frame[y, x] == pytest.approx(np.clip(expected, 0, 255), abs=2)
 
 
+def plane(rows, step):
+    """Return the bytes of rows, each followed by what doesn't belong to it."""
+    return b''.join(row.tobytes().ljust(step, b'\xa5') for row in np.ascontiguousarray(rows))
+
+
+def planar(encoding, light, u, v, step):
+    """Return a planar message; u and v are of the luma's size, of which some take a part."""
+    if encoding in ('nv12', 'nv21', 'i420', 'yuv420'):
+        u, v = u[::2, ::2], v[::2, ::2]
+    elif encoding in ('nv16', 'nv61'):
+        u, v = u[:, ::2], v[:, ::2]
+    if encoding in ('i420', 'yuv420'):
+        colour = plane(u, step // 2) + plane(v, step // 2)
+    else:
+        pairs = (v, u) if encoding in ('nv21', 'nv61') else (u, v)
+        pairs = np.dstack(pairs).reshape(len(u), -1)
+        colour = plane(pairs, 2 * step if encoding == 'nv24' else step)
+    return SimpleNamespace(height=len(light), width=light.shape[1], encoding=encoding, step=step,
+                           is_bigendian=0, data=plane(light, step) + colour)
+
+
+PLANAR = ('nv12', 'nv21', 'i420', 'yuv420', 'nv16', 'nv61', 'nv24')
+
+
+@pytest.mark.parametrize('padding', [0, 4])
+@pytest.mark.parametrize('encoding', PLANAR)
+def test_planar_yuv_is_bt601(encoding, padding):
+    """Four pixels of one colour come out alike from every order of the planes."""
+    rng = np.random.default_rng(4)
+    light = rng.integers(60, 180, (HEIGHT, WIDTH)).astype(np.uint8)
+    u, v = (np.kron(rng.integers(100, 156, (HEIGHT // 2, WIDTH // 2)), np.ones((2, 2)))
+            .astype(np.uint8) for _ in range(2))
+    frame = to_frame(planar(encoding, light, u, v, WIDTH + padding))
+    y, u, v = 1.164 * (light - 16.0), u - 128.0, v - 128.0
+    expected = np.dstack([y + 2.018 * u, y - 0.391 * u - 0.813 * v, y + 1.596 * v])
+    assert frame.flags.c_contiguous and frame.shape == (HEIGHT, WIDTH, 3)
+    assert frame == pytest.approx(np.clip(expected, 0, 255), abs=2)
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'height': 5}, ['height is 5', 'multiple of 2']),
+    ({'width': 7}, ['width is 7', 'multiple of 2']),
+    ({'step': 7}, ['step is 7', '8']),
+    ({'step': 9, 'data': bytes(81)}, ['step is 9', 'multiple of 2']),
+    ({'data': bytes(48)}, ['48 bytes', '24 of colour']),
+    ({'encoding': 'nv15'}, ['nv12', 'i420', 'nv24']),
+])
+def test_malformed_planes(changes, words):
+    """Planes that don't fit the size are refused in words."""
+    sent = planar('i420', *np.zeros((3, HEIGHT, WIDTH), np.uint8), WIDTH)
+    vars(sent).update(changes)
+    with pytest.raises(ValueError) as caught:
+        to_frame(sent)
+    for word in words:
+        assert word in str(caught.value)
+
+
 @pytest.mark.parametrize('padding', [0, 5])
 @pytest.mark.parametrize('encoding', BAYER)
 def test_bayer_is_bilinear(encoding, padding):
@@ -149,7 +206,8 @@ def test_sizes_that_an_encoding_cannot_have(encoding, width, height):
 def test_every_encoding_is_tested():
     """What can be read is in one of the tables above."""
     wide = {name[:-1] + '16' for name in BAYER}
-    assert set(ENCODINGS) == {*CHANNELS, *BAYER, *wide, 'yuv422', 'uyvy', 'yuv422_yuy2', 'yuyv'}
+    assert set(ENCODINGS) == {*CHANNELS, *BAYER, *wide, *PLANAR, 'yuv422', 'uyvy',
+                              'yuv422_yuy2', 'yuyv'}
 
 
 @pytest.mark.parametrize('shape', [(HEIGHT, WIDTH), (HEIGHT, WIDTH, 3)])

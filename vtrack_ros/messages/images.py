@@ -26,6 +26,8 @@ class _Encoding:
     bits: int = 8
     width_multiple: int = 1
     minimum_size: int = 1
+    #: Bytes of colour for every two pixels, in planes after that of the luma; 0 for no planes.
+    colour: int = 0
 
 
 def _bayer(code: int, bits: int = 8) -> _Encoding:
@@ -34,6 +36,13 @@ def _bayer(code: int, bits: int = 8) -> _Encoding:
 
 _UYVY = _Encoding(2, cv2.COLOR_YUV2BGR_UYVY, width_multiple=2)
 _YUYV = _Encoding(2, cv2.COLOR_YUV2BGR_YUY2, width_multiple=2)
+
+
+def _planar(code: int, colour: int) -> _Encoding:
+    return _Encoding(1, code, width_multiple=2, colour=colour)
+
+
+_I420 = _planar(cv2.COLOR_YUV2BGR_I420, 1)
 
 # OpenCV names a Bayer pattern by the second row's second and third pixel, ROS by the first two
 # rows' first two: ROS's RGGB is OpenCV's BG.
@@ -54,6 +63,13 @@ _ENCODINGS = {
     'uyvy': _UYVY,
     'yuv422_yuy2': _YUYV,
     'yuyv': _YUYV,
+    'nv12': _planar(cv2.COLOR_YUV2BGR_NV12, 1),
+    'nv21': _planar(cv2.COLOR_YUV2BGR_NV21, 1),
+    'i420': _I420,
+    'yuv420': _I420,
+    'nv16': _planar(cv2.COLOR_YUV2BGR_YUY2, 2),
+    'nv61': _planar(cv2.COLOR_YUV2BGR_YVYU, 2),
+    'nv24': _planar(cv2.COLOR_YUV2BGR_YUY2, 4),
     'bayer_rggb8': _bayer(cv2.COLOR_BayerBG2BGR),
     'bayer_bggr8': _bayer(cv2.COLOR_BayerRG2BGR),
     'bayer_gbrg8': _bayer(cv2.COLOR_BayerGR2BGR),
@@ -90,10 +106,14 @@ def to_frame(message: Any) -> Frame:
             f'image step is {step} bytes, but {width} pixels of {message.encoding} need at '
             f'least {row}')
     data = _bytes(message.data)
-    if data.size != step * height:
+    colour = step * height * encoding.colour // 2
+    if data.size != step * height + colour:
+        planes = f', and {colour} of colour after it' if colour else ''
         raise ValueError(
             f'image data has {data.size} bytes, but step {step} times height {height} is '
-            f'{step * height}')
+            f'{step * height}{planes}')
+    if colour:
+        return _from_planes(data, width, height, step, encoding)
     shape: tuple[int, ...] = (height, width)
     if encoding.channels > 1:
         shape += (encoding.channels,)
@@ -178,12 +198,35 @@ def _encoding(name: str, width: int, height: int) -> _Encoding:
     if width % encoding.width_multiple:
         raise ValueError(
             f'image width is {width}, but {name} needs a multiple of {encoding.width_multiple}')
+    if encoding.colour == 1 and height % 2:
+        raise ValueError(f'image height is {height}, but {name} needs a multiple of 2')
     return encoding
 
 
 def _bytes(data: Any) -> NDArray[np.uint8]:
     """Return a message's data as bytes, without a copy."""
     return np.frombuffer(data, np.uint8) if len(data) else np.zeros(0, np.uint8)
+
+
+def _from_planes(data: NDArray[np.uint8], width: int, height: int, step: int,
+                 encoding: _Encoding) -> Frame:
+    assert encoding.convert is not None
+    luma = data[:step * height].reshape(height, step)[:, :width]
+    colour = data[step * height:]
+    if encoding is _I420:
+        if step % 2:
+            raise ValueError(f'image step is {step} bytes, but i420 needs a multiple of 2')
+        # U, then V, in lines half as long.
+        colour = colour.reshape(height, -1)[:, :width // 2].reshape(-1, width)
+    elif encoding.colour == 4:
+        # OpenCV knows no colour for every pixel: every second one's has to do.
+        colour = colour.reshape(height, -1)[:, :2 * width].reshape(height, -1, 4)[:, :, :2]
+        colour = colour.reshape(height, width)
+    else:
+        colour = colour.reshape(-1, step)[:, :width]
+    if encoding.colour == 1:
+        return _converted(np.vstack((luma, colour)), encoding.convert)
+    return _converted(np.dstack((luma, colour)), encoding.convert)
 
 
 def _sixteen_bits(data: NDArray[np.uint8], shape: tuple[int, ...], step: int, bigendian: bool,
