@@ -10,7 +10,9 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 from rosbags.rosbag1 import Writer as Ros1Writer  # noqa: E402
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin  # noqa: E402
 from rosbags.rosbag2 import Reader as Ros2Reader  # noqa: E402
+from rosbags.rosbag2 import Writer as Ros2Writer  # noqa: E402
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
 
 from vtrack_ros.bags import BagError, BagReader, BagWriter, messages  # noqa: E402
@@ -122,12 +124,16 @@ def test_broken_truth_file(tmp_path, text, words):
         bag.truth('/no_such_topic')
 
 
-def ros1_bag(path, compressed=False, topic='/camera'):
+def ros1_bag(path, compressed=False, topic='/camera', chunks=None):
     """Write a ROS 1 bag of one image topic and of a type that Jazzy doesn't know."""
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg('uint8 level\n', 'my_msgs/msg/Level'))
     kind = store.types
-    with Ros1Writer(path) as writer:
+    writer = Ros1Writer(path)
+    if chunks is not None:
+        writer.set_compression(Ros1Writer.CompressionFormat[chunks])
+        writer.chunk_threshold = 3 * 36 * 144
+    with writer:
         name = 'sensor_msgs/msg/CompressedImage' if compressed else 'sensor_msgs/msg/Image'
         images = writer.add_connection(topic, name, typestore=store)
         levels = writer.add_connection('/level', 'my_msgs/msg/Level', typestore=store)
@@ -157,6 +163,79 @@ def test_ros1(tmp_path, compressed):
     assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
     with BagReader(tmp_path / 'one.bag') as bag:
         assert {raw.topic for raw in bag.raw()} == {'/camera'}
+
+
+@pytest.mark.parametrize('chunks', ['BZ2', 'LZ4'])
+def test_ros1_in_compressed_chunks(tmp_path, chunks):
+    """A recorder's --bz2 and --lz4, several chunks of either, give the same frames."""
+    images, _ = read_all(ros1_bag(tmp_path / 'one.bag', chunks=chunks))
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+
+
+def test_ros1_without_an_index(tmp_path):
+    """What a recorder that died leaves is called that, and the command that mends it is named."""
+    path = ros1_bag(tmp_path / 'one.bag')
+    data = path.read_bytes()
+    field = data.index(b'index_pos=') + len(b'index_pos=')
+    path.write_bytes(data[:field] + bytes(8) + data[field + 8:])
+    with pytest.raises(BagError, match='no index.*rosbag reindex'):
+        read_all(path)
+    with pytest.raises(BagError, match='still being recorded.*rosbag reindex'):
+        read_all(path.rename(tmp_path / 'one.bag.active'))
+
+
+def recorded(path, storage, mode=CompressionMode.NONE, indices=range(COUNT)):
+    """Write the bag that a recorder would, with its compression."""
+    writer = Ros2Writer(path, version=8, storage_plugin=StoragePlugin[storage.upper()])
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    store = messages.typestore()
+    with writer:
+        images = writer.add_connection('/image', messages.IMAGE, typestore=store)
+        for index in indices:
+            stamp = FIRST + index * STEP
+            sent = messages.image(frames()[index], stamp, 'eye')
+            writer.write(images, stamp, store.serialize_cdr(sent, messages.IMAGE))
+    return path
+
+
+@pytest.mark.parametrize('storage, mode', [
+    ('sqlite3', 'FILE'), ('sqlite3', 'MESSAGE'), ('mcap', 'FILE'), ('mcap', 'MESSAGE'),
+    ('mcap', 'STORAGE')])
+def test_compressed_by_the_recorder(tmp_path, storage, mode):
+    """The modes of `ros2 bag record --compression-format zstd`, and mcap's own chunks."""
+    path = recorded(tmp_path / 'bag', storage, CompressionMode[mode])
+    images, _ = read_all(path)
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+    file = next(file for file in path.iterdir() if file.name != 'metadata.yaml')
+    if mode == 'STORAGE':
+        assert len(read_all(file)[0]) == COUNT
+    else:
+        # What the metadata say of it can't be seen in the file.
+        with pytest.raises(BagError, match='is compressed.*folder'):
+            read_all(file)
+
+
+@pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
+def test_split_over_files(tmp_path, storage):
+    """A recorder's --max-bag-size: one folder, several files, one stream."""
+    half = COUNT // 2
+    path = recorded(tmp_path / 'bag', storage, indices=range(half))
+    second = recorded(tmp_path / 'more', storage, indices=range(half, COUNT))
+    name, more = f'bag{SUFFIX[storage]}', f'more{SUFFIX[storage]}'
+    (second / more).rename(path / more)
+    text = (path / 'metadata.yaml').read_text()
+    text = text.replace(f'  - {name}\n', f'  - {name}\n  - {more}\n')
+    text = text.replace(f'message_count: {half}', f'message_count: {COUNT}')
+    text = text.replace(str((half - 1) * STEP), str((COUNT - 1) * STEP))
+    (path / 'metadata.yaml').write_text(text)
+    images, _ = read_all(path)
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+    (path / more).unlink()
+    with pytest.raises(BagError, match=f'missing.*{more}'):
+        read_all(path)
 
 
 @pytest.mark.parametrize('recorded', ['/camera/image', 'camera/image'])
@@ -237,7 +316,8 @@ def test_broken_metadata(tmp_path, metadata):
         (path / 'metadata.yaml').unlink()
     else:
         (path / 'metadata.yaml').write_text(metadata)
-    with pytest.raises(BagError, match='metadata' if metadata is None else 'broken'):
+    words = 'metadata.*ros2 bag reindex' if metadata is None else 'broken'
+    with pytest.raises(BagError, match=words):
         read_all(path)
 
 

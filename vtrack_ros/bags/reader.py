@@ -32,6 +32,8 @@ _BROKEN = (
     Ros1ReaderError, Ros2ReaderError, SerdeError, TypesysError, sqlite3.Error, struct.error,
     AssertionError, AttributeError, EOFError, IndexError, KeyError,
     MemoryError, OverflowError, RuntimeError, TypeError, ValueError)
+#: What compressed data begins with.
+_ZSTD = b'\x28\xb5\x2f\xfd'
 
 
 @dataclass(frozen=True)
@@ -223,6 +225,8 @@ class BagReader:
         try:
             return messages.typestore().deserialize_cdr(raw.data, raw.message_type)
         except _BROKEN as error:
+            if bytes(raw.data[:4]) == _ZSTD:
+                raise self._compressed() from None
             raise self._broken(error, f'in a message of {raw.topic}') from error
 
     def _check_path(self) -> None:
@@ -230,17 +234,30 @@ class BagReader:
         if not path.exists():
             raise BagError(f'{path} does not exist')
         if path.is_file():
+            if path.suffix == '.active':
+                raise BagError(f'{path} is still being recorded, or was when its recorder died: '
+                               'then rename it to .bag and run `rosbag reindex` on it')
+            if path.suffix == '.zstd':
+                raise self._compressed()
             if path.suffix not in ('.mcap', '.db3', '.bag'):
                 raise BagError(f'{path} is not a bag: it must be a rosbag2 folder or a .mcap, '
                                '.db3 or .bag file')
             if path.stat().st_size == 0:
                 raise BagError(f'{path} is empty: it has no byte')
         elif not (path / 'metadata.yaml').is_file():
-            raise BagError(f'{path} is not a rosbag2 folder: it has no metadata.yaml')
+            raise BagError(f'{path} is not a rosbag2 folder: it has no metadata.yaml; if its '
+                           f'recorder died, `ros2 bag reindex {path}` writes one')
+
+    def _compressed(self) -> BagError:
+        return BagError(f'{self.path} is compressed: read the folder that it belongs to, whose '
+                        'metadata.yaml says how')
 
     def _broken(self, error: Exception, where: str = '') -> BagError:
         reason = str(error).strip().splitlines()
         text = reason[0] if reason else type(error).__name__
+        if 'not indexed' in text:
+            return BagError(f'{self.path} has no index, as its recorder died: '
+                            f'`rosbag reindex {self.path}` of ROS 1 writes one')
         place = f' {where}' if where else ''
         return BagError(f'{self.path} is broken or truncated{place}: {text}')
 
