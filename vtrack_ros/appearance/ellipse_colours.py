@@ -34,8 +34,7 @@ def _disc(grid: int, radius: float) -> Array:
     points = np.stack([plane.ravel() for plane in np.meshgrid(axis, axis)], 1)
     distance = np.hypot(points[:, 0], points[:, 1])
     points = points[np.argsort(distance, kind='stable')]
-    result: Array = points[:np.count_nonzero(distance <= radius)]
-    return result
+    return points[:np.count_nonzero(distance <= radius)]
 
 
 _REGION = _disc(_GRID, _REACH)
@@ -128,8 +127,7 @@ class EllipseColours:
         density = density.reshape(count, size) * self.share
         # background colours have no share, but more than the target's own doesn't help
         total = np.maximum(density.sum(1), 1.0)
-        result: Array = np.minimum(np.sqrt(density) @ np.sqrt(self.density) / np.sqrt(total), 1.0)
-        return result
+        return np.minimum(np.sqrt(density) @ np.sqrt(self.density) / np.sqrt(total), 1.0)
 
     def climb(self, frame: Frame, center: Array, matrix: Array, steps: int = 10) -> Array:
         """
@@ -182,8 +180,7 @@ class EllipseColours:
     def likelihood(self, pixels: Frame) -> Array:
         """Return how much each pixel's colour speaks for the target, in [0, 1]."""
         ratio = self.histogram / (self.histogram + self.background + _FLOOR)
-        result: Array = ratio.take(_quantised(_channels(pixels), self._levels))
-        return result
+        return ratio.take(_quantised(_channels(pixels), self._levels))
 
     @property
     def _levels(self) -> int:
@@ -209,8 +206,7 @@ class EllipseColours:
         density = np.bincount(found, _KERNEL, len(self.density)) * self.share
         ratio = np.sqrt(self.density / np.maximum(density, _FLOOR))
         # the background's colours pull as little as they count
-        result: Array = ratio * self.share / max(float(self.share.max()), 1e-9)
-        return result
+        return ratio * self.share / max(float(self.share.max()), 1e-9)
 
     def _moment(self, frame: Frame, center: Array, matrix: Array, points: Array) -> Array:
         """Return the weights' second moment over points of the disc, from the centre outwards."""
@@ -224,8 +220,7 @@ class EllipseColours:
         return result + 1e-4 * np.eye(2)
 
     def _found(self, frame: Frame, x: Array, y: Array) -> Bins:
-        result: Bins = self.bins.take(_colours(frame, x, y, self._levels))
-        return result
+        return self.bins.take(_colours(frame, x, y, self._levels))
 
 
 def _spread(center: Array, matrix: Array, points: Array) -> tuple[Array, Array]:

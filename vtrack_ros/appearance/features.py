@@ -163,8 +163,7 @@ def _table() -> NDArray[np.float32]:
     lab = _lab(all_colours()[0])
     frequency = np.exp(-(lab[:, 1:]**2).sum(1) / (2 * _USUAL_CHROMA**2))
     _, axes = np.linalg.eigh((names.T * frequency) @ names)
-    table: NDArray[np.float32] = (names @ axes[:, -COLOUR_CHANNELS:]).astype(np.float32)
-    return table
+    return (names @ axes[:, -COLOUR_CHANNELS:]).astype(np.float32)
 
 
 def memberships() -> Array:

@@ -20,23 +20,20 @@ def reliability(likelihoods: Array) -> Array:
     """
     highest = likelihoods.max(axis=1)
     contrast = np.where(highest > 0, 1 - likelihoods.mean(axis=1) / np.maximum(highest, _LEAST), 0)
-    result: Array = np.nan_to_num(contrast, nan=0.0)
-    return result
+    return np.nan_to_num(contrast, nan=0.0)
 
 
 def product(likelihoods: Array, reliabilities: Array) -> Array:
     """Return the log of the product, shape (N,); a cue of reliability 0 is left out."""
     heard = likelihoods[reliabilities > 0]
-    result: Array = np.log(np.maximum(heard, _LEAST)).sum(axis=0)
-    return result
+    return np.log(np.maximum(heard, _LEAST)).sum(axis=0)
 
 
 def weighted_sum(likelihoods: Array, reliabilities: Array) -> Array:
     """Return the log of the mean that the reliabilities weight, shape (N,)."""
     heard = reliabilities > 0
     total = reliabilities[heard] @ likelihoods[heard]
-    result: Array = np.log(np.maximum(total / max(reliabilities[heard].sum(), _LEAST), _LEAST))
-    return result
+    return np.log(np.maximum(total / max(reliabilities[heard].sum(), _LEAST), _LEAST))
 
 
 def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
@@ -67,8 +64,7 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
             unknown * for_unknown)
         agreement = target + other + unknown
         target, other, unknown = target / agreement, other / agreement, unknown / agreement
-    result: Array = np.log(np.maximum(target + unknown / 2, _LEAST))
-    return result
+    return np.log(np.maximum(target + unknown / 2, _LEAST))
 
 
 #: How to fuse, by name: functions of likelihoods (cues, N) and reliabilities (cues,).

@@ -17,17 +17,9 @@ class ColourHistogram:
     count as a colour that no target has, so that a box which leaves the image loses similarity in
     proportion. A grey frame gets an intensity histogram.
 
-    Parameters
-    ----------
-    bins : int
-        Levels a channel: the paper's 6 x 6 x 6 [Zhu2012, sec. 5] by default; a grey frame has
-        `bins` squared levels.
-    kernel : str
-        ``'flat'``, or ``'epanechnikov'`` for the profile 1 - r^2 on the inscribed ellipse
-        [Qi2012, eq. 5].
-    grid : int
-        Sample points along each side of a box.
-
+    A channel has `bins` levels, by default the paper's 6 [Zhu2012, sec. 5], a grey frame `bins`
+    squared. The kernel is 'flat', or 'epanechnikov' for the profile 1 - r^2 on the inscribed
+    ellipse [Qi2012, eq. 5]. There are `grid` sample points along each side of a box.
     """
 
     def __init__(self, bins: int = 6, kernel: str = 'flat', grid: int = 12) -> None:
@@ -45,8 +37,7 @@ class ColourHistogram:
     def coefficients(self, frame: Frame, boxes: Boxes,
                      reference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the boxes' Bhattacharyya coefficients with a reference, shape (N,), in [0, 1]."""
-        result: NDArray[np.float64] = np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
-        return result
+        return np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
 
     def histograms(self, frame: Frame, boxes: Boxes) -> NDArray[np.float64]:
         """Return the histograms, shape (N, bins), of sum <= 1: what's outside is missing."""
@@ -116,8 +107,7 @@ def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes,
 
 def _offsets(grid: int) -> NDArray[np.float64]:
     """Return where a box's sample points are, as shares of its side from its centre."""
-    offsets: NDArray[np.float64] = (np.arange(grid) + 0.5) / grid - 0.5
-    return offsets
+    return (np.arange(grid) + 0.5) / grid - 0.5
 
 
 def _moved(boxes: Boxes, left: int, top: int, stride: int) -> Boxes:

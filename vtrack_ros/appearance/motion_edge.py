@@ -24,13 +24,7 @@ class MotionEdge:
     over each box, with one more bin for points without an edge. The frames are first aligned by
     the global shift between them, so that a moving camera doesn't make everything move.
 
-    Parameters
-    ----------
-    grid : int
-        Sample points along each side of a box.
-    rate : float
-        The share by which the reference follows the target in each frame that it moves in.
-
+    The reference follows the target by the share `rate` in each frame that it moves in.
     """
 
     def __init__(self, grid: int = 12, rate: float = 0.1) -> None:
@@ -62,8 +56,7 @@ class MotionEdge:
         if histograms[:, :_DIRECTIONS].sum(axis=1).max() < _MOVING:
             return np.full(len(boxes), np.nan)
         distance2 = 1 - np.sqrt(histograms) @ np.sqrt(self._reference)
-        result: NDArray[np.float64] = np.exp(-distance2 / (2 * sigma**2))
-        return result
+        return np.exp(-distance2 / (2 * sigma**2))
 
     def update(self, box: NDArray[np.float64]) -> None:
         """Take the edges in a box (cx, cy, width, height) for the target's, if it moves."""

@@ -104,8 +104,7 @@ class CorrelationFilter:
         correlated /= self._divisor
         over_rows, over_columns = _inverse_transform(*self.shape)
         half: Spectrum = over_rows[rows] @ correlated
-        response: NDArray[np.float32] = half.view(np.float32) @ over_columns[:, columns]
-        return response
+        return half.view(np.float32) @ over_columns[:, columns]
 
     def confined(self, width: float, height: float) -> CorrelationFilter:
         """

@@ -69,10 +69,9 @@ class AffineParticles(ABC):
         center = states[:, :2, 2]
         margin = scale[:, None]
         near = ((center > -margin) & (center < self._limit + margin)).all(1)
-        allowed: NDArray[np.bool_] = (
+        return (
             near & (affine.determinant(states[:, :2, :2]) > 0) & (relative > _SMALLEST)
             & (relative < _LARGEST) & (affine.stretch(states) < _SLIMMEST))
-        return allowed
 
 
 class GroupParticles(AffineParticles):

@@ -237,11 +237,9 @@ def central_differences(
 
 def matrix_times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return the product of each matrix with its vector."""
-    product: FloatArray = (matrices @ vectors[:, :, np.newaxis])[:, :, 0]
-    return product
+    return (matrices @ vectors[:, :, np.newaxis])[:, :, 0]
 
 
 def symmetrised(matrices: FloatArray) -> FloatArray:
     """Return the matrices with rounding's asymmetry averaged out."""
-    symmetric: FloatArray = 0.5 * (matrices + matrices.swapaxes(1, 2))
-    return symmetric
+    return 0.5 * (matrices + matrices.swapaxes(1, 2))

@@ -127,8 +127,7 @@ class Belief:
 def spread_about(centre: FloatArray, states: FloatArray, weights: FloatArray) -> FloatArray:
     """Return `sum_i w_i (x_i - c)(x_i - c)^T` of (N, n) states about c, shape (n, n)."""
     deviation = states - centre
-    spread: FloatArray = (deviation.T * weights) @ deviation
-    return spread
+    return (deviation.T * weights) @ deviation
 
 
 def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:

@@ -75,8 +75,7 @@ def center_offsets(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
 def center_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
     """Return the distance of the centres in pixels; NaN where the truth is absent."""
     offset = center_offsets(boxes, truth)
-    result: FloatArray = np.hypot(offset[:, 0], offset[:, 1])
-    return result
+    return np.hypot(offset[:, 0], offset[:, 1])
 
 
 def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
@@ -175,5 +174,4 @@ def _pair(boxes: ArrayLike, truth: ArrayLike) -> tuple[FloatArray, FloatArray]:
 def _share(hits: BoolArray) -> FloatArray:
     if not len(hits):
         return np.full(hits.shape[1], np.nan)
-    result: FloatArray = hits.mean(axis=0)
-    return result
+    return hits.mean(axis=0)

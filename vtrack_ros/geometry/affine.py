@@ -194,5 +194,4 @@ def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
     radius = np.where(np.abs(radius) < _EQUAL, complex(_EQUAL), radius)
     above, below = function(middle + radius), function(middle - radius)
     even, odd = ((above + below) / 2).real, ((above - below) / (2 * radius)).real
-    result: Array = even[..., None, None] * np.eye(2) + odd[..., None, None] * traceless
-    return result
+    return even[..., None, None] * np.eye(2) + odd[..., None, None] * traceless

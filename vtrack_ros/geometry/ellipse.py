@@ -43,5 +43,4 @@ def square_root(matrix: Matrix) -> Matrix:
     # [Levinger 1980]: (M + sqrt(det M) I) / sqrt(trace M + 2 sqrt(det M))
     root = math.sqrt(max(float(matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]), 0.0))
     scale = math.sqrt(float(matrix[0, 0] + matrix[1, 1]) + 2 * root)
-    result: Matrix = (matrix + root * np.eye(2)) / scale
-    return result
+    return (matrix + root * np.eye(2)) / scale

@@ -36,13 +36,11 @@ class Turn:
 
     def into_frame(self, points: Array) -> Array:
         """Return where points (..., 2) of the upright frame are in the frame."""
-        result: Array = self.pivot + (points - self.pivot) @ self.matrix.T
-        return result
+        return self.pivot + (points - self.pivot) @ self.matrix.T
 
     def into_upright(self, points: Array) -> Array:
         """Return where points (..., 2) of the frame are in the upright frame."""
-        result: Array = self.pivot + (points - self.pivot) @ self.matrix
-        return result
+        return self.pivot + (points - self.pivot) @ self.matrix
 
 
 @dataclass(frozen=True)
@@ -122,8 +120,7 @@ class UprightSearch:
 
     def _half_sides(self) -> Array:
         """Return half the sides of the part that's turned, shape (2,), in pixels."""
-        result: Array = _REACH / 2 * np.array(self._localiser.size) * self._localiser.reach
-        return result
+        return _REACH / 2 * np.array(self._localiser.size) * self._localiser.reach
 
     def _turned_back(self, frame: Frame, turn: Turn) -> Frame:
         """Return a frame of the same shape whose part about the target is turned back."""

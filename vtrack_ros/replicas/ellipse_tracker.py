@@ -209,14 +209,12 @@ class MeanShiftReplica(Tracker):
 
     @property
     def _bandwidth(self) -> Array:
-        result: Array = self._matrix @ self._matrix.T / SIGMA**2
-        return result
+        return self._matrix @ self._matrix.T / SIGMA**2
 
     @property
     def _half_sides(self) -> Array:
         """Return the half sides of the ellipse's axis-aligned bound, shape (2,)."""
-        result: Array = SIGMA * np.sqrt(np.diag(self._bandwidth))
-        return result
+        return SIGMA * np.sqrt(np.diag(self._bandwidth))
 
     def _orientation(self, previous: float) -> float:
         """Return the major axis's angle, near a previous one; the previous one of a circle."""
@@ -306,8 +304,7 @@ def _bounded_frame(matrix: Array, first: Array) -> Array:
     mean = min(max(mean, _SMALLEST * usual), _LARGEST * usual)
     elongation = min(max(axes[0] / axes[1], max(ratio / _ASPECT, 1.0)), ratio * _ASPECT)
     axes = mean * np.array([math.sqrt(elongation), 1 / math.sqrt(elongation)])
-    result: Array = (left * axes) @ right
-    return result
+    return (left * axes) @ right
 
 
 def _inside(center: Array, frame: Frame) -> Array:
