@@ -92,6 +92,13 @@ class ParticleFilter:
             *self._remembered((), (), mean, time))
         return self._belief
 
+    def resume(self, belief: Belief) -> None:
+        """Go on from another filter's belief, drawn from where its size isn't this filter's."""
+        count, self.belief = self.particles, belief
+        if len(belief) != count:
+            picked = self._rng.choice(len(belief), count, p=belief.weights.values)
+            self.set_particles(belief.states[picked])
+
     def set_particles(self, states: ArrayLike, log_weights: FloatArray | None = None) -> Belief:
         """
         Put particles where the caller knows better; time and past estimates are kept.

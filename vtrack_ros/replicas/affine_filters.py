@@ -13,6 +13,8 @@ from vtrack_ros.estimation.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
+from vtrack_ros.localisation.filter_parameters import (
+    AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS)
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
@@ -27,39 +29,8 @@ _TOLERANCE = 0.04
 _EVEN, _WIDTH, _UNLIKE = 0.25, 0.07, 0.15
 #: Standard deviations that the particles don't know of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.08, 0.12
-#: The parameters of the noise, in the order of `affine.BASIS`.
-_NOISES = (
-    ('scale_noise', 0.02, 'relative change of scale', 0.5),
-    ('aspect_noise', 0.005, 'relative change of aspect ratio', 0.5),
-    ('rotation_noise', 0.02, 'rotation', 1.5),
-    ('skew_noise', 0.005, 'change of skew', 0.5),
-    ('x_noise', 0.06, 'step along x, in sides of the target,', 2.0),
-    ('y_noise', 0.06, 'step along y, in sides of the target,', 2.0))
 
-_AFFINE = ParameterTable([
-    Parameter('particles', 400, 'Number of particles.', 2, 5000),
-    *(Parameter(name, default, f'Standard deviation of the {change} a frame.', 0.0, high,
-                unit='rad' if name == 'rotation_noise' else '')
-      for name, default, change, high in _NOISES),
-    Parameter('subspace_sigma', 0.05, 'Width of the subspace likelihood exp(-e / (2 sigma^2)), e '
-              'the robust error from 0 to 1.', 0.005, 1.0),
-    Parameter('eigenvectors', 16, "Principal components of the target's patches.", 1, 64),
-    Parameter('forgetting', 0.95, 'What the patches before are worth at each update.', 0.5, 1.0),
-    Parameter('update_interval', 5, 'Patches between updates of the subspace.', 1, 100,
-              unit='frames'),
-])
-_GROUP = ParameterTable([
-    Parameter('ar', 0.5, 'Share a of the last step that the autoregressive process repeats.',
-              0.0, 1.0),
-    Parameter('colour_sigma', 0.12, 'Width of the colour likelihood '
-              'exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
-])
-_KEYPOINTS = ParameterTable([
-    Parameter('keypoints', True, 'Whether keypoints measure the pose.'),
-    Parameter('keypoint_share', 0.5, 'Share of the particles that the measured pose moves in '
-              'place of the autoregressive process.', 0.0, 1.0),
-    Parameter('keypoint_sigma', 0.05, 'Width of the keypoint likelihood, as a share of the '
-              "target's mean side.", 0.001, 1.0),
+_KEYPOINTS = KEYPOINTS + ParameterTable([
     Parameter('as_printed', False, 'Match the keypoints of consecutive frames, in place of those '
               'remembered of the target; in force at the next start.'),
 ])
@@ -74,12 +45,12 @@ class AffineParticleTracker(Tracker):
     state come from the correlation with the first patch and change nothing.
     """
 
-    PARAMETERS = _AFFINE
+    PARAMETERS = AFFINE
     _particle_type: ClassVar[type[AffineParticles]] = GroupParticles
 
     def _configure(self) -> None:
         values = self._parameters
-        self._sigmas = np.array([float(values[name]) for name, *_ in _NOISES])
+        self._sigmas = np.array([float(values[name]) for name in AFFINE_NOISES])
         self._widths = Widths(
             float(values.get('colour_sigma', np.inf)), float(values['subspace_sigma']),
             float(values.get('keypoint_sigma', np.inf)))
@@ -195,7 +166,7 @@ class AffineKeypointReplica(AffineParticleTracker):
 
     NAME = 'appf_paper'
     SUMMARY = 'affine-group particle filter with subspace and keypoints (APPF) of Xiang et al.'
-    PARAMETERS = _AFFINE + _GROUP + _KEYPOINTS
+    PARAMETERS = AFFINE + AFFINE_GROUP + _KEYPOINTS
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._as_printed = bool(self._parameters['as_printed'])
@@ -228,7 +199,7 @@ class AffineReplica(AffineParticleTracker):
 
     NAME = 'affine_pf_paper'
     SUMMARY = 'affine-group particle filter, a baseline of Xiang et al.'
-    PARAMETERS = _AFFINE + _GROUP
+    PARAMETERS = AFFINE + AFFINE_GROUP
 
 
 class SubspaceReplica(AffineParticleTracker):

@@ -10,6 +10,7 @@ from vtrack_ros.estimation import (
 
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.cues import BoxCues, FusionRule, FUSIONS
@@ -22,10 +23,7 @@ _SEARCHING_BELOW = 0.5
 #: Standard deviations of the first particles, in sides.
 _FIRST_SPREAD = np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02])
 
-BOX_PARAMETERS = ParameterTable([
-    Parameter('particles', 150, 'Number of particles.', 2, 5000),
-    Parameter('acceleration', 0.2, 'Standard deviation of the change of velocity a frame, as a '
-              "share of the target's mean side.", 0.001, 2.0),
+BOX_PARAMETERS = MOTION + ParameterTable([
     Parameter('size_noise', 0.01, 'Standard deviation of the change of size a frame, as a share '
               'of the mean side.', 0.001, 0.5),
     Parameter('cues', 'colour', 'What boxes are compared by; in force at the next start.',
@@ -36,13 +34,7 @@ BOX_PARAMETERS = ParameterTable([
               'of Qi and Li 2012 to the letter.',
               choices=tuple(FUSIONS)),
     Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
-    Parameter('threshold', 1.0, 'Resample when the effective sample size falls below this share '
-              'of the particles.', 0.0, 1.0),
-])
-WEIGHTING = ParameterTable([
-    Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
-              'proposal.', choices=('simplified', 'full')),
-])
+]) + RESAMPLING
 
 
 class BoxParticleFilter(Tracker):
@@ -120,10 +112,7 @@ class BoxParticleFilter(Tracker):
             return
         belief = self._filter.belief
         self._filter = self._create_filter(side)
-        self._filter.belief = belief
-        if len(belief) != self._filter.particles:
-            picked = self._rng.choice(len(belief), self._filter.particles, p=belief.weights.values)
-            self._filter.set_particles(belief.states[picked])
+        self._filter.resume(belief)
 
     def _create_filter(self, side: float) -> ParticleFilter:
         parameters = self._parameters

@@ -10,6 +10,7 @@ from vtrack_ros.appearance.ellipse_colours import EllipseColours
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned
+from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import fuse
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
@@ -48,14 +49,6 @@ _MEAN_SHIFT = ParameterTable([
               0.0, 1.0),
     Parameter('as_printed', False, 'No weights for the background, and the bandwidth matrix by '
               'eq. 11 to the letter; in force at the next start.'),
-])
-_PARTICLES = ParameterTable([
-    Parameter('particles', 20, 'Number of particles.', 1, 2000),
-    Parameter('accepted', 0.8, 'Similarity th from which mean shift is trusted.', 0.0, 1.0),
-    Parameter('region', 0.5, 'Reach of the redrawn particles, in semi-axes of the target.',
-              0.0, 5.0),
-    Parameter('inertia', 0.5, 'Share of the last step that the motion model expects again.',
-              0.0, 1.0),
 ])
 
 
@@ -254,7 +247,7 @@ class MeanShiftParticleReplica(MeanShiftReplica):
 
     NAME = 'abmspf_paper'
     SUMMARY = 'adaptive-bandwidth mean shift with particles (ABMSPF) of Yin et al. 2013'
-    PARAMETERS = _MEAN_SHIFT + _PARTICLES
+    PARAMETERS = _MEAN_SHIFT + MEAN_SHIFT_PARTICLES
 
     def _drawn(self, dt: float) -> Array:
         values = self._parameters

@@ -1,8 +1,9 @@
 """GMPF: the grey-prediction particle filter [Zhu2012]."""
 
 from vtrack_ros.estimation import ConstantVelocity, GreyProposal, Proposal
+from vtrack_ros.localisation.filter_parameters import WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter, WEIGHTING
+from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter
 
 #: Which component of the state is the derivative of which, and which are sizes.
 _VELOCITIES, _SIZES = {2: 0, 3: 1}, (4, 5)

@@ -7,8 +7,9 @@ from functools import partial
 from vtrack_ros.estimation import (
     ConstantVelocity, gauss_hermite, GaussianFilter, GaussianFilterProposal, KalmanFilter,
     Proposal, pruned_gauss_hermite, SigmaPointFilter, unscented)
+from vtrack_ros.localisation.filter_parameters import WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter, WEIGHTING
+from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter
 from vtrack_ros.replicas.cues import FusionRule, normalised_masses
 
 _QUADRATURE = ParameterTable([

@@ -6,6 +6,7 @@ from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import SIGMA
 from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import climb, climbing_weights, fuse
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
@@ -39,13 +40,7 @@ class MeanShiftParticleFilter(Tracker):
     PARAMETERS = ParameterTable([
         Parameter('rejected', 0.5, 'Similarity r below which the target counts as hidden.', 0.0,
                   1.0),
-        Parameter('particles', 20, 'Number of particles.', 1, 2000),
-        Parameter('accepted', 0.8, 'Similarity th from which mean shift is trusted.', 0.0, 1.0),
-        Parameter('region', 0.5, 'Reach of the redrawn particles, in semi-axes of the target.',
-                  0.0, 5.0),
-        Parameter('inertia', 0.5, 'Share of the last step that the motion model expects again.',
-                  0.0, 1.0),
-    ])
+    ]) + MEAN_SHIFT_PARTICLES
 
     def _configure(self) -> None:
         """Every parameter is read when it's needed."""

@@ -10,6 +10,8 @@ from vtrack_ros.estimation.affine_particles import GroupParticles
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.localisation import Localiser
+from vtrack_ros.localisation.filter_parameters import (
+    AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS)
 from vtrack_ros.localisation.upright_search import UprightResponse, UprightSearch
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
@@ -24,8 +26,6 @@ _UNCERTAIN = 10.0
 _TEMPERED = 0.3
 #: Samples along each side of a patch, and of the target, at most, for keypoints.
 _SIDE, _KEYPOINT_SIDE = 24, 40
-
-_NOISES = ('scale_noise', 'aspect_noise', 'rotation_noise', 'skew_noise', 'x_noise', 'y_noise')
 
 
 class AffineKeypointParticleFilter(Tracker):
@@ -50,45 +50,16 @@ class AffineKeypointParticleFilter(Tracker):
 
     NAME = 'appf'
     SUMMARY = 'affine-group particle filter with appearance subspace and keypoints (APPF)'
-    PARAMETERS = ParameterTable([
-        Parameter('particles', 400, 'Number of particles.', 2, 5000),
-        Parameter('scale_noise', 0.02, 'Standard deviation of the relative change of scale a '
-                  'frame.', 0.0, 0.5),
-        Parameter('aspect_noise', 0.005, 'Standard deviation of the relative change of aspect '
-                  'ratio a frame.', 0.0, 0.5),
-        Parameter('rotation_noise', 0.02, 'Standard deviation of the rotation a frame.', 0.0, 1.5,
-                  unit='rad'),
-        Parameter('skew_noise', 0.005, 'Standard deviation of the change of skew a frame.', 0.0,
-                  0.5),
-        Parameter('x_noise', 0.06, 'Standard deviation of the step along x a frame, as a share of '
-                  "the target's mean side.", 0.0, 2.0),
-        Parameter('y_noise', 0.06, 'Standard deviation of the step along y a frame, as a share of '
-                  "the target's mean side.", 0.0, 2.0),
-        Parameter('subspace_sigma', 0.05, 'Width of the subspace likelihood '
-                  'exp(-e / (2 sigma^2)), e the robust error from 0 to 1.', 0.005, 1.0),
-        Parameter('eigenvectors', 16, "Principal components of the target's patches.", 1, 64),
-        Parameter('forgetting', 0.95, 'What the patches before are worth at each update.', 0.5,
-                  1.0),
-        Parameter('update_interval', 5, 'Frames between updates of the subspace.', 1, 100,
-                  unit='frames'),
+    PARAMETERS = AFFINE + ParameterTable([
         Parameter('temperature', 0.1, 'Share of the usual response that makes a factor of e in '
                   'the likelihood.', 0.01, 1.0),
         Parameter('response_share', 0.3, 'Share of the particles that are moved to where the '
                   'response is highest.', 0.0, 1.0),
-        Parameter('ar', 0.5, 'Share a of the last step that the autoregressive process repeats.',
-                  0.0, 1.0),
-        Parameter('colour_sigma', 0.12, 'Width of the colour likelihood '
-                  'exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
-        Parameter('keypoints', True, 'Whether keypoints measure the pose.'),
-        Parameter('keypoint_share', 0.5, 'Share of the particles that the measured pose moves in '
-                  'place of the autoregressive process.', 0.0, 1.0),
-        Parameter('keypoint_sigma', 0.05, 'Width of the keypoint likelihood, as a share of the '
-                  "target's mean side.", 0.001, 1.0),
-    ])
+    ]) + AFFINE_GROUP + KEYPOINTS
 
     def _configure(self) -> None:
         values = self._parameters
-        self._sigmas = np.array([float(values[name]) for name in _NOISES])
+        self._sigmas = np.array([float(values[name]) for name in AFFINE_NOISES])
         self._widths = Widths(*(
             float(values[f'{term}_sigma']) for term in ('colour', 'subspace', 'keypoint')))
 

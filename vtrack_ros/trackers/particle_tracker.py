@@ -12,6 +12,7 @@ from vtrack_ros.estimation import (
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING, WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
 
@@ -22,19 +23,10 @@ _OTHER_SIZE = 0.1
 #: Standard deviations of place and velocity at the start, as shares of the mean side.
 _START = np.array([0.03, 0.03, 0.05, 0.05])
 
-_SHARED = ParameterTable([
-    Parameter('particles', 150, 'Number of particles.', 2, 5000),
-    Parameter('acceleration', 0.2, 'Standard deviation of the change of velocity a frame, as a '
-              "share of the target's mean side.", 0.001, 2.0),
+_SHARED = MOTION + ParameterTable([
     Parameter('temperature', 0.07, 'Share of the usual response that makes a factor of e in the '
               'likelihood.', 0.01, 1.0),
-    Parameter('threshold', 1.0, 'Resample when the effective sample size falls below this share '
-              'of the particles.', 0.0, 1.0),
-])
-_WEIGHTING = ParameterTable([
-    Parameter('weighting', 'simplified', 'Weights by the likelihood alone, or times prior over '
-              'proposal.', choices=('simplified', 'full')),
-])
+]) + RESAMPLING
 
 
 class ParticleTracker(Tracker):
@@ -95,10 +87,7 @@ class ParticleTracker(Tracker):
             return
         belief = self._filter.belief
         self._filter = self._create_filter(side)
-        self._filter.belief = belief
-        if len(belief) != self._filter.particles:
-            picked = self._rng.choice(len(belief), self._filter.particles, p=belief.weights.values)
-            self._filter.set_particles(belief.states[picked])
+        self._filter.resume(belief)
 
     def _create_filter(self, side: float) -> ParticleFilter:
         parameters = self._parameters
@@ -156,7 +145,7 @@ class GreyParticleFilter(ParticleTracker):
 
     NAME = 'gmpf'
     SUMMARY = 'grey-prediction particle filter (GMPF)'
-    PARAMETERS = _SHARED + _WEIGHTING + ParameterTable([
+    PARAMETERS = _SHARED + WEIGHTING + ParameterTable([
         Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
                   unit='frames'),
         Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws; '
@@ -178,7 +167,7 @@ class PrunedQuadratureParticleFilter(ParticleTracker):
 
     NAME = 'pqkpf'
     SUMMARY = 'pruned quadrature Kalman particle filter (P-QKPF)'
-    PARAMETERS = _SHARED + _WEIGHTING + ParameterTable([
+    PARAMETERS = _SHARED + WEIGHTING + ParameterTable([
         Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
         Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
                   'share of the particles.', 0.0, 1.0),
