@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.histogram import joint_bins
 from vtrack_ros.frame import Array, Frame
 
 #: Frames sampled in one call: what fits the processor's cache is several times as fast.
@@ -73,8 +74,7 @@ class AffinePatches:
         They are normalised, except that what's outside the frame is missing.
         """
         hsv = cv2.cvtColor(self._pixels, cv2.COLOR_BGR2HSV_FULL)
-        level = (np.arange(256, dtype=np.int32) * bins) >> 8
-        index = (level[hsv[:, :, 0]] * bins + level[hsv[:, :, 1]]) * bins + level[hsv[:, :, 2]]
+        index = joint_bins(cv2.split(hsv), bins)
         points = _grid(self._size, _HISTOGRAM_GRID)
         rows = self._rows().astype(np.float32)
         # half a pixel more, so that truncation rounds to the pixel that a point is in
@@ -86,7 +86,7 @@ class AffinePatches:
         colours, count = bins**3, len(x)
         sampled = index.ravel().take(y.astype(np.intp) * width + x.astype(np.intp))
         sampled[~inside] = colours
-        sampled += np.arange(count, dtype=np.int32)[:, None] * (colours + 1)
+        sampled += np.arange(count)[:, None] * (colours + 1)
         counted = np.bincount(sampled.ravel(), minlength=count * (colours + 1))
         result: Array = counted.reshape(count, -1)[:, :colours] / points.shape[1]
         return result

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.histogram import joint_bins
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry.ellipse import SIGMA, square_root
 
@@ -180,7 +182,8 @@ class EllipseColours:
     def likelihood(self, pixels: Frame) -> Array:
         """Return how much each pixel's colour speaks for the target, in [0, 1]."""
         ratio = self.histogram / (self.histogram + self.background + _FLOOR)
-        return ratio.take(_quantised(_channels(pixels), self._levels))
+        levels = self._levels if pixels.ndim == 3 else _GREY_LEVELS
+        return ratio.take(joint_bins(cv2.split(pixels), levels))
 
     @property
     def _levels(self) -> int:
@@ -239,24 +242,9 @@ def _colours(frame: Frame, x: Array, y: Array, levels: int) -> Bins:
         index[outside] = 0
     channels = frame.size // (height * width)
     flat, first = frame.ravel(), index * channels
-    colours = _quantised(
-        [flat.take(first + channel) for channel in range(channels)], levels)
+    colours = joint_bins(
+        [flat.take(first + channel) for channel in range(channels)],
+        levels if frame.ndim == 3 else _GREY_LEVELS)
     if beyond:
         colours[outside] = levels**3 if frame.ndim == 3 else _GREY_LEVELS
     return colours
-
-
-def _channels(pixels: Frame) -> list[Frame]:
-    return [pixels] if pixels.ndim == 2 else [pixels[:, :, channel] for channel in range(3)]
-
-
-def _quantised(channels: list[Frame], levels: int) -> Bins:
-    """Return the colours whose channels these are."""
-    if len(channels) == 1:
-        levels = _GREY_LEVELS
-    width = np.uint8(256 // levels)
-    result = (channels[0] // width).astype(np.intp)
-    for channel in channels[1:]:
-        result *= levels
-        result += channel // width
-    return result

@@ -1,5 +1,8 @@
 """Colour histograms of many boxes at once, at a cost that doesn't grow with their size."""
 
+from collections.abc import Sequence
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,11 +63,17 @@ class ColourHistogram:
                                             left:max(left, right):stride])
         if not pixels.size:
             return np.zeros((0, 0), np.intp), left, top, stride
-        if pixels.ndim == 2:
-            return (pixels.astype(np.intp) * self._levels(frame)) >> 8, left, top, stride
-        table = (np.arange(256) * self.bins) >> 8
-        index = (table[pixels[:, :, 0]] * self.bins + table[pixels[:, :, 1]]) * self.bins
-        return index + table[pixels[:, :, 2]], left, top, stride
+        levels = self.bins if frame.ndim == 3 else self._levels(frame)
+        return joint_bins(cv2.split(pixels), levels), left, top, stride
+
+
+def joint_bins(channels: Sequence[Frame], levels: int) -> NDArray[np.intp]:
+    """Return the joint bin of channels of equal shape, each divided into so many levels."""
+    level = (np.arange(256) * levels) >> 8
+    bins = level[channels[0]]
+    for channel in channels[1:]:
+        bins = bins * levels + level[channel]
+    return bins
 
 
 def sampled_histograms(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int,

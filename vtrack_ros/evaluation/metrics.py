@@ -90,8 +90,7 @@ def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
 
 def success_curve(overlap: FloatArray) -> FloatArray:
     """Return the share of frames whose overlap is above each of `OVERLAP_THRESHOLDS`."""
-    valid = overlap[np.isfinite(overlap)]
-    return _share(valid[:, None] > OVERLAP_THRESHOLDS)
+    return _share(overlap, np.greater, OVERLAP_THRESHOLDS)
 
 
 def success_auc(overlap: FloatArray) -> float:
@@ -101,20 +100,17 @@ def success_auc(overlap: FloatArray) -> float:
 
 def precision_curve(error: FloatArray) -> FloatArray:
     """Return the share of frames whose centre error is within `PRECISION_THRESHOLDS`."""
-    valid = error[np.isfinite(error)]
-    return _share(valid[:, None] <= PRECISION_THRESHOLDS)
+    return _share(error, np.less_equal, PRECISION_THRESHOLDS)
 
 
 def precision_at(error: FloatArray, threshold: float = 20.0) -> float:
     """Return the share of frames whose centre error is within `threshold` pixels."""
-    valid = error[np.isfinite(error)]
-    return float(_share(valid[:, None] <= np.array([threshold]))[0])
+    return float(_share(error, np.less_equal, np.array([threshold]))[0])
 
 
 def normalised_precision(normalised: FloatArray) -> float:
     """Return the area under the normalised precision curve, the mean over 0 to 0.5 [Fan2019]."""
-    valid = normalised[np.isfinite(normalised)]
-    return float(_share(valid[:, None] <= NORMALISED_THRESHOLDS).mean())
+    return float(_share(normalised, np.less_equal, NORMALISED_THRESHOLDS).mean())
 
 
 @dataclass(frozen=True)
@@ -171,7 +167,10 @@ def _pair(boxes: ArrayLike, truth: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return a, b
 
 
-def _share(hits: BoolArray) -> FloatArray:
-    if not len(hits):
-        return np.full(hits.shape[1], np.nan)
-    return hits.mean(axis=0)
+def _share(values: FloatArray, compare: np.ufunc, thresholds: FloatArray) -> FloatArray:
+    """Return the share of the finite values that compare so with each threshold."""
+    valid = values[np.isfinite(values)]
+    if not len(valid):
+        return np.full(len(thresholds), np.nan)
+    share: FloatArray = compare(valid[:, None], thresholds).mean(axis=0)
+    return share

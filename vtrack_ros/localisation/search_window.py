@@ -210,13 +210,10 @@ class ResponseMap:
 def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
     """Return how far (x, y) a maximum is from its cell, from -0.5 to 0.5; 0 at the border."""
     x = y = 0.0
-    value = float(response[row, column])
     if 0 < column < response.shape[1] - 1:
-        x = parabola_offset(float(response[row, column - 1]), value,
-                            float(response[row, column + 1]))
+        x = parabola_offset(*response[row, column - 1:column + 2].tolist())
     if 0 < row < response.shape[0] - 1:
-        y = parabola_offset(float(response[row - 1, column]), value,
-                            float(response[row + 1, column]))
+        y = parabola_offset(*response[row - 1:row + 2, column].tolist())
     return x, y
 
 
