@@ -198,7 +198,9 @@ def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
     ('gmpf.particles', '0', ['gmpf.particles', '5000']),
     ('tracker', 'csrt', ['csrt', 'gmpf']),
     ('init_box', '[1.0, 2.0]', ['2 values', 'width']),
-    ('gmpf.temperature', 'wide', ['gmpf.temperature', 'DOUBLE']),
+    ('gmpf.temperature', 'wide', ['gmpf.temperature', 'a number from', "not 'wide'"]),
+    ('history_seconds', '3', ['history_seconds', 'from 0 to 30', 'decimal point: 3.0']),
+    ('init_box', '[300, 200.5, 60, 80]', ['same type', '[300.0, 200.0, 60.0, 80.0]']),
 ])
 def test_wrong_from_the_start(name, value, told):
     """A node that is started with a wrong value says so in a line, and ends with code 2."""
@@ -213,7 +215,7 @@ def test_wrong_from_the_start(name, value, told):
 @pytest.mark.parametrize('arguments, code, told', [
     (['--params-file', 'nowhere.yaml'], 2, 'nowhere.yaml'),
     (['-r', 'nonsense'], 2, 'remap rule'),
-    (['--nonsense'], 2, 'nonsense'),
+    (['nonsense'], 2, "unknown ROS arguments ['nonsense']; valid are -r"),
     (['--', '--nonsense'], 2, "unknown argument '--nonsense'"),
     (['--', '--help'], 0, 'init_box'),
 ])
@@ -223,3 +225,13 @@ def test_arguments(arguments, code, told):
     assert process.process.wait(20) == code
     process.stop()
     assert told in process.log and 'Traceback' not in process.log
+
+
+@pytest.mark.parametrize('missing', ['rclpy', 'sensor_msgs'])
+def test_without_ros(missing):
+    """One line says what is missing, and how to come by it."""
+    process = NodeProcess(prelude=f'sys.modules[{missing!r}] = None')
+    assert process.process.wait(20) == 2
+    process.stop()
+    line, = process.log.splitlines()
+    assert missing in line and 'setup.bash' in line and 'vtrack_ros[ros]' in line

@@ -52,6 +52,11 @@ def _run(module: str, node: str, arguments: Sequence[str] | None) -> int:
         return _spin(module, node, arguments)
     except KeyboardInterrupt:
         return 0
+    except ModuleNotFoundError as error:
+        print(f'tracker: there is no Python package {error.name}: source a ROS 2 installation, as '
+              'by "source /opt/ros/jazzy/setup.bash", or install vtrack_ros[ros] with pip',
+              file=sys.stderr)
+        return 2
 
 
 def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
@@ -70,7 +75,7 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
     try:
         rclpy.init(args=words)
     except (RuntimeError, ValueError) as error:
-        print(f'tracker: {error}', file=sys.stderr)
+        print(f'tracker: {_explained(str(error))}', file=sys.stderr)
         return 2
     node = None
     try:
@@ -115,6 +120,17 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _explained(text: str) -> str:
+    """Return what rcl says of arguments that it refuses, with what is valid."""
+    if text.startswith('['):
+        return (f'unknown ROS arguments {text}; valid are -r FROM:=TO, -p NAME:=VALUE, '
+                '--params-file FILE and --log-level LEVEL, and --help after a --')
+    if 'Sequence should be of same type' in text:
+        text += ('; write all numbers of a list in one form, as in '
+                 'init_box: [300.0, 200.0, 60.0, 80.0]')
+    return text
 
 
 if __name__ == '__main__':

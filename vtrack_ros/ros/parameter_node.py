@@ -7,6 +7,7 @@ from typing import Any
 
 from rcl_interfaces.msg import (
     FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult)
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -138,7 +139,10 @@ class ParameterNode(Node):
         self.on_change: Callable[[Collection[str]], None] | None = None
         self._table = parameter_table()
         for full, row in self._table.items():
-            self.declare_parameter(full, row.default, descriptor(row))
+            try:
+                self.declare_parameter(full, row.default, descriptor(row))
+            except InvalidParameterTypeException:
+                raise _wrong_type(row, self._parameter_overrides[full].value) from None
         # A list that YAML or a command line spells may be of integers, of floats or empty: all
         # are right, and static typing would take but one of them.
         self.declare_parameter(INIT_BOX, [], ParameterDescriptor(
@@ -197,8 +201,7 @@ class ParameterNode(Node):
             elif not row.dynamic:
                 raise ValueError(f'{name} is read-only: it is fixed when the node starts')
             elif row.kind is float and type(value) is int:
-                raise TypeError(f'{name} must be {row.valid}, with a decimal point: '
-                                f'{float(value)}, not {value}')
+                raise _wrong_type(row, value)
 
     def _neighbours(self, name: str) -> str:
         """Return the valid names beside a wrong one: a tracker's own, or the node's."""
@@ -206,6 +209,12 @@ class ParameterNode(Node):
         own = [full for full in self._table if full.startswith(prefix)]
         return ', '.join(own or [*NODE_PARAMETERS, INIT_BOX, *(
             f'{tracker}.*' for tracker in tracker_names())])
+
+
+def _wrong_type(row: Parameter, value: Any) -> TypeError:
+    point = row.kind is float and type(value) is int
+    form = f', with a decimal point: {float(value)}' if point else ''
+    return TypeError(f'{row.name} must be {row.valid}{form}, not {value!r}')
 
 
 def _by_owner(values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
