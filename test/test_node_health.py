@@ -200,8 +200,10 @@ def test_camera_info_makes_rays_and_metres(client, process):
     place = client.heard['pose'][-1].pose.position
     assert (place.x, place.y, place.z) == pytest.approx(((x - 80) / 200, (y - 60) / 200, 1.0))
 
+    said = len(process.log)
     assert client.change(target_width=0.6)[0].successful
     assert units('metres')
+    process.wait_for_log('pose units: metres, after ray', said)
     bounds = client.answer.detections[0].bbox
     depth = 200 * 0.6 / bounds.size_x
     client.until(lambda: poses and poses[-1].header == client.answer.header, 'no pose')

@@ -1,8 +1,9 @@
 """The managed node: the same node, brought up in steps."""
 
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from node_harness import Client, NodeProcess, overlap, Scene, STEP
+from node_harness import Client, diagnosis, NodeProcess, overlap, Scene, STEP
 
 SCENE = Scene()
 
@@ -18,7 +19,7 @@ def test_from_unconfigured_to_finalized():
     """Images are taken while active alone; deactivating keeps the target, cleaning up doesn't."""
     box = SCENE.box(0)
     init = f'[{box.x}, {box.y}, {box.width}, {box.height}]'
-    with NodeProcess(entry='lifecycle_main', init_box=init), Client() as client:
+    with NodeProcess(entry='lifecycle_main', init_box=init) as process, Client() as client:
         assert client.parameters.wait_for_services(20)
         assert client.ask('~/get_state', GetState).current_state.id == (
             State.PRIMARY_STATE_UNCONFIGURED)
@@ -43,12 +44,24 @@ def test_from_unconfigured_to_finalized():
         client.until(lambda: len(client.heard['~/state']) > heard, 'inactive without a word')
         assert client.heard['~/state'][heard].message == 'inactive'
         client.until(lambda: not client.images.get_subscription_count(), 'still takes images')
+        assert 'the target is init_box' in process.log
+        said = len(process.log)
         assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
+        process.wait_for_log('the target of before is kept', said)
         # What was sent in the meantime wasn't lost: nobody wanted it.
         answer = client.send(SCENE.frame(5), 10**9 + 20 * STEP)
         assert overlap(answer, SCENE.box(5)) > 0.4
         assert client.state_after(answer)['frames_missing'] == '0'
+
+        # Who subscribes to the diagnostics is told of the last second, not of all before.
+        client.send(SCENE.frame(6), 10**9 + 21 * STEP, 'nonsense', answered=False)
+        process.wait_for_log('image dropped')
+        heard = len(client.heard['~/state'])
+        client.until(lambda: len(client.heard['~/state']) > heard + 2, 'no state')
+        client.hear('/diagnostics', DiagnosticArray)
+        level, text, values = diagnosis(client, '/tracker: images', lambda *_: True)
+        assert 'no image' in text and values['frames malformed'] == '1'
 
         assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
         assert change(client, Transition.TRANSITION_CLEANUP) == State.PRIMARY_STATE_UNCONFIGURED
@@ -58,7 +71,7 @@ def test_from_unconfigured_to_finalized():
         assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
         client.until(lambda: client.node.count_publishers('/detections'), 'does not publish')
-        assert not client.send(SCENE.frame(6), 10**9 + 21 * STEP).detections
+        assert not client.send(SCENE.frame(6), 10**9 + 22 * STEP).detections
         assert change(client, Transition.TRANSITION_ACTIVE_SHUTDOWN) == (
             State.PRIMARY_STATE_FINALIZED)
 

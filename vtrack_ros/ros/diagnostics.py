@@ -78,6 +78,9 @@ class Diagnostics:
             self._publishers.publish_state(self._make_state)
         self._told = False
         if not self._publisher.get_subscription_count():
+            # Whoever subscribes is told of the last second, not of all since the start.
+            self.flow.rate(time.perf_counter_ns())
+            self.flow.recent()
             return
         state, rows = self._make_state(), []
         if self.images is not None:

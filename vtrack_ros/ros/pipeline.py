@@ -59,7 +59,7 @@ class Pipeline:
         self._log = Node.get_logger(node)
         self._camera: Camera | None = None
         self._state_name = 'inactive'
-        self._units = ''
+        self._units = self._told_units = ''
         types, log = MessageTypes(), NodeLog(node)
         with_vision = installed(
             'vision_msgs', 'there are no boxes, and targets come by ~/init_roi or init_box', node)
@@ -171,6 +171,9 @@ class Pipeline:
             self._units = ''
             return
         self._units = position.units
+        if position.units != self._told_units:
+            before, self._told_units = self._told_units, position.units
+            self._log.info(f'pose units: {position.units}' + (before and f', after {before}'))
         self._publishers.publish_pose(header, position, estimate.angle)
         child = self._node.settings.text('target_frame')
         if child and position.units == 'metres':

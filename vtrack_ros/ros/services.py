@@ -48,7 +48,9 @@ class Services:
         return [*self._inputs, *filter(None, [self._detector])]
 
     def invitation(self) -> str:
-        """Say how the target is pointed out, or that `init_box` does."""
+        """Say how the target is pointed out, or that `init_box` does, or that there is one."""
+        if self._target.estimate is not None:
+            return 'the target of before is kept'
         if self._node.init_box is not None:
             return 'the target is init_box, on the first of them'
         topics = ' or '.join(one.topic for one in self._inputs)
