@@ -118,10 +118,10 @@ def test_the_evidence_is_unbiased(name):
     model = MODELS['walk']
     measurements, _, _, log_evidence = exact(model)
     ratios = np.array([
-        math.exp(run(model, PROPOSALS[name](model), measurements, 200, seed)[2] - log_evidence)
-        for seed in range(100)])
+        math.exp(run(model, PROPOSALS[name](model), measurements, 600, seed)[2] - log_evidence)
+        for seed in range(40)])
     assert abs(ratios.mean() - 1) < 5 * ratios.std() / math.sqrt(len(ratios))
-    assert ratios.std() < 0.6
+    assert ratios.std() < 0.35
 
 
 @pytest.mark.parametrize('scheme', sorted(RESAMPLERS))
@@ -130,8 +130,8 @@ def test_the_evidence_is_unbiased_with_any_resampling(scheme, threshold):
     model = MODELS['walk']
     measurements, _, _, log_evidence = exact(model)
     ratios = np.array([
-        math.exp(run(model, PriorProposal(), measurements, 400, seed, resampling=scheme,
-                     threshold=threshold)[2] - log_evidence) for seed in range(100)])
+        math.exp(run(model, PriorProposal(), measurements, 1000, seed, resampling=scheme,
+                     threshold=threshold)[2] - log_evidence) for seed in range(40)])
     assert abs(ratios.mean() - 1) < 5 * ratios.std() / math.sqrt(len(ratios))
 
 

@@ -73,11 +73,11 @@ def test_truth_is_the_middle_of_the_exposure():
 def test_size_scales_the_truth():
     """Twice the size, twice the box; another aspect ratio shows more on two sides."""
     small, large, wide = (
-        next(render('football', size)) for size in ((200, 120), (400, 240), (300, 120)))
+        next(render('football', size)) for size in ((100, 60), (200, 120), (150, 60)))
     assert large.truth.as_array() == pytest.approx(2 * small.truth.as_array(), abs=1.0)
-    shifted = small.truth.as_array() + (50, 0, 0, 0)
+    shifted = small.truth.as_array() + (25, 0, 0, 0)
     assert wide.truth.as_array() == pytest.approx(shifted, abs=0.5)
-    assert wide.frame.shape == (120, 300, 3)
+    assert wide.frame.shape == (60, 150, 3)
 
 
 @pytest.mark.parametrize('name', ['face_fast', 'low_light_noise', 'car_approach'])
@@ -122,7 +122,7 @@ def test_wrong_arguments(arguments, words):
 @pytest.mark.parametrize('name', sorted(set(PAPERS) | OTHERS))
 def test_begins_in_full_view(name):
     """A tracker can be started on the first frame: nothing covers the target."""
-    first = next(render(name))
+    first = shots(name, [0])[0]
     assert first.visibility > 0.99
     box = first.truth
     assert box.clipped(*reversed(first.frame.shape[:2])) == box
@@ -140,13 +140,13 @@ def test_face_fast_is_fast():
     ('full_occlusion', 15, 30), ('leave_and_return', 30, 45)])
 def test_away_and_back(name, low, high):
     """The target is away for so many frames on end, and there before and after."""
-    story = range(0, scene_info(name).frames, 2)
+    story = range(0, scene_info(name).frames, 3)
     seen = shots(name, [float(time) for time in story])
     gone = [time for time in story if seen[time].truth is None]
-    assert gone == list(range(gone[0], gone[-1] + 1, 2))
-    assert low <= 2 * len(gone) <= high
+    assert gone == list(range(gone[0], gone[-1] + 1, 3))
+    assert low <= 3 * len(gone) <= high
     assert gone[0] > 40 and gone[-1] < story[-1] - 40
-    assert sum(frame.visibility == 0 for frame in seen.values()) > 5
+    assert sum(frame.visibility == 0 for frame in seen.values()) > 3
     for frame in seen.values():
         assert (frame.truth is None) == (frame.visibility < 0.1)
 
