@@ -81,7 +81,7 @@ def test_directions_turn_with_the_picture(turn):
             frame = still.copy()
             frame[45:76, 45 + shift:76 + shift] = ramp[None, :]
             edges.advance(np.ascontiguousarray(np.rot90(frame, -quarters)), (0, 0, 121, 121))
-        return edges._histograms(np.array([[60.5, 60.5, 66.0, 66.0]]))[0]
+        return edges.histograms(np.array([[60.5, 60.5, 66.0, 66.0]]))[0]
 
     plain, turned = histogram(0), histogram(turn)
     assert plain[:16].sum() > 0.05
@@ -98,7 +98,7 @@ def test_a_moving_camera_moves_nothing():
     for frame in (first, second):
         edges.advance(np.ascontiguousarray(frame), WHOLE)
     inner = np.array([[80.0, 60.0, 100.0, 70.0]])
-    moved = edges._histograms(inner)[0, :16].sum()
+    moved = edges.histograms(inner)[0, :16].sum()
     difference = cv2.absdiff(first, second)
     gradient = np.abs(cv2.Sobel(difference, cv2.CV_32F, 1, 0, scale=0.25)) + np.abs(
         cv2.Sobel(difference, cv2.CV_32F, 0, 1, scale=0.25))
@@ -114,7 +114,7 @@ def test_a_region_gives_what_the_whole_picture_gives():
         edges = MotionEdge()
         for x in (60, 64):
             edges.advance(with_square(still, x), region)
-        results.append(edges._histograms(boxes((66, 62), (80, 60))))
+        results.append(edges.histograms(boxes((66, 62), (80, 60))))
     np.testing.assert_allclose(results[0], results[1], atol=0.02)
 
 
@@ -127,5 +127,5 @@ def test_colour_frames_are_looked_at_in_grey():
         for x in (60, 64):
             frame = with_square(still, x)
             edges.advance(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR) if colour else frame, WHOLE)
-        found.append(edges._histograms(boxes((62, 60))))
+        found.append(edges.histograms(boxes((62, 60))))
     np.testing.assert_array_equal(found[0], found[1])

@@ -52,7 +52,7 @@ class MotionEdge:
         """
         if self._codes is None or self._reference is None:
             return np.full(len(boxes), np.nan)
-        histograms = self._histograms(boxes)
+        histograms = self.histograms(boxes)
         if histograms[:, :_DIRECTIONS].sum(axis=1).max() < _MOVING:
             return np.full(len(boxes), np.nan)
         distance2 = 1 - np.sqrt(histograms) @ np.sqrt(self._reference)
@@ -62,7 +62,7 @@ class MotionEdge:
         """Take the edges in a box (cx, cy, width, height) for the target's, if it moves."""
         if self._codes is None:
             return
-        histogram = self._histograms(box[None])[0]
+        histogram = self.histograms(box[None])[0]
         if histogram[:_DIRECTIONS].sum() < _MOVING:
             return
         histogram /= histogram.sum()
@@ -70,7 +70,8 @@ class MotionEdge:
             self._reference = histogram
         self._reference = self._reference + self.rate * (histogram - self._reference)
 
-    def _histograms(self, boxes: Boxes) -> NDArray[np.float64]:
+    def histograms(self, boxes: Boxes) -> NDArray[np.float64]:
+        """Return the histograms of moving edges in boxes, shape (N, bins)."""
         assert self._codes is not None
         moved = boxes - np.array([*self._origin, 0, 0])
         return sampled_histograms(self._codes, _DIRECTIONS + 1, moved, self.grid, self._weights)
