@@ -1,9 +1,13 @@
 """Single-object visual tracking for ROS 2: trackers, filters, bags and a node."""
 
-from importlib.metadata import PackageNotFoundError, version
 
-try:
-    __version__ = version('vtrack_ros')
-except PackageNotFoundError:
-    # The sources are used as they are, without being installed.
-    __version__ = 'unknown'
+def __getattr__(name: str) -> str:
+    """Return `__version__`, which is looked up when somebody asks: it takes a while to load."""
+    if name != '__version__':
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    from importlib.metadata import PackageNotFoundError, version
+    try:
+        return version('vtrack_ros')
+    except PackageNotFoundError:
+        # The sources are used as they are, without being installed.
+        return 'unknown'
