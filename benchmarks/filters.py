@@ -17,14 +17,15 @@ import platform
 import time
 from typing import Any
 
+from nonlinear_models import BearingRange, simulate
 import numpy as np
 from result_files import write_json
 from scalar_filters import FloatArray, paired
 
 from vtrack_ros.estimation import (
-    BearingRange, ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
-    GaussianFilter, GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter,
-    PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, simulate, unscented)
+    ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian, GaussianFilter,
+    GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal, Proposal,
+    pruned_gauss_hermite, SigmaPointFilter, unscented)
 
 PARTICLES = 150
 STEPS = 60

@@ -13,13 +13,14 @@ import math
 import time
 from typing import TypeAlias
 
+from nonlinear_models import simulate, VanDerMerweModel
 import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.estimation import (
     ExtendedKalmanFilter, gauss_hermite, GaussianFilterProposal, hermite_nodes, ParticleFilter,
-    PriorProposal, Proposal, pruned_gauss_hermite, RuleFactory, SigmaPointFilter, simulate,
-    StateSpaceModel, unscented, VanDerMerweModel)
+    PriorProposal, Proposal, pruned_gauss_hermite, RuleFactory, SigmaPointFilter, StateSpaceModel,
+    unscented)
 
 FloatArray: TypeAlias = NDArray[np.float64]
 MakeProposal: TypeAlias = Callable[[StateSpaceModel], Proposal]

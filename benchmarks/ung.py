@@ -15,12 +15,13 @@ from pathlib import Path
 import platform
 from typing import Any
 
+from nonlinear_models import UnivariateNonstationaryGrowth, VanDerMerweModel
 import numpy as np
 from result_files import write_json
 from scalar_filters import (
     Demonstration, filters, FloatArray, paired, rmse, Runs, STEPS, summary)
 
-from vtrack_ros.estimation import StateSpaceModel, UnivariateNonstationaryGrowth, VanDerMerweModel
+from vtrack_ros.estimation import StateSpaceModel
 
 PARTICLES = 100
 REFERENCE_PARTICLES = 10_000

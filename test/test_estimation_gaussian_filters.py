@@ -5,14 +5,15 @@ import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nonlinear_models import (
+    BearingRange, simulate, UnivariateNonstationaryGrowth, VanDerMerweModel)
 import numpy as np
 import pytest
 from random_walk import RandomWalk
 
 from vtrack_ros.estimation import (
-    BearingRange, ConstantVelocity, covariance_factors, cubature, ExtendedKalmanFilter,
-    gauss_hermite, Gaussian, GaussianNoise, KalmanFilter, LinearModel, pruned_gauss_hermite,
-    SigmaPointFilter, simulate, UnivariateNonstationaryGrowth, unscented, VanDerMerweModel)
+    ConstantVelocity, covariance_factors, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
+    GaussianNoise, KalmanFilter, LinearModel, pruned_gauss_hermite, SigmaPointFilter, unscented)
 
 RULES = {
     'unscented': unscented,

@@ -2,13 +2,14 @@
 
 import tracemalloc
 
+from nonlinear_models import BearingRange, UnivariateNonstationaryGrowth
 import numpy as np
 import pytest
 
 from vtrack_ros.estimation import (
-    BearingRange, ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
+    ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian,
     GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal,
-    pruned_gauss_hermite, SigmaPointFilter, UnivariateNonstationaryGrowth, unscented)
+    pruned_gauss_hermite, SigmaPointFilter, unscented)
 
 COUNT = 8000
 SMALL_CHANGE = 64 * 1024

@@ -2,13 +2,13 @@
 
 import math
 
+from nonlinear_models import (
+    BearingRange, simulate, UnivariateNonstationaryGrowth, VanDerMerweModel)
 import numpy as np
 import pytest
 from random_walk import RandomWalk
 
-from vtrack_ros.estimation import (
-    BearingRange, central_differences, ConstantVelocity, simulate, UnivariateNonstationaryGrowth,
-    VanDerMerweModel)
+from vtrack_ros.estimation import central_differences, ConstantVelocity
 
 MODELS = {
     'constant velocity': ConstantVelocity(2, 2, 0.7, 0.2),

@@ -1,7 +1,7 @@
 """
 Bayesian filters on any state-space model; they know no pixels and no ROS.
 
-- Models say how a state moves and what is measured of it: `ConstantVelocity`, nonlinear ones, or a
+- Models say how a state moves and what is measured of it: `ConstantVelocity`, or a
   `StateSpaceModel` (`LinearModel`) of one's own.
 - A `GaussianFilter` estimates a `Gaussian`: `KalmanFilter`, `ExtendedKalmanFilter`, or
   `SigmaPointFilter` with a rule of sigma points.
@@ -24,17 +24,13 @@ Bayesian filters on any state-space model; they know no pixels and no ROS.
 """
 
 from vtrack_ros.estimation.grey import gm11_forecast, GreyProposal
-from vtrack_ros.estimation.indices import composite_index
 from vtrack_ros.estimation.kalman import (
     central_differences, covariance_factors, ExtendedKalmanFilter, Gaussian, GaussianFilter,
     KalmanFilter)
 from vtrack_ros.estimation.model import (
     ConstantVelocity, GaussianNoise, LinearModel, StateSpaceModel)
-from vtrack_ros.estimation.nonlinear_models import (
-    BearingRange, simulate, UnivariateNonstationaryGrowth, VanDerMerweModel)
 from vtrack_ros.estimation.particle_filter import ParticleFilter
-from vtrack_ros.estimation.particles import (
-    Belief, RESAMPLERS, spread_about, Weights)
+from vtrack_ros.estimation.particles import Belief, spread_about, systematic, Weights
 from vtrack_ros.estimation.proposals import (
     GaussianFilterProposal, PriorProposal, Proposal, Proposed)
 from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
@@ -43,13 +39,10 @@ from vtrack_ros.estimation.sigma_points import (
     SigmaPointRule, unscented)
 
 __all__ = [
-    'BearingRange', 'Belief', 'central_differences', 'composite_index', 'ConstantVelocity',
-    'covariance_factors', 'cubature', 'ExtendedKalmanFilter',
-    'gauss_hermite', 'Gaussian', 'GaussianFilter',
+    'Belief', 'central_differences', 'ConstantVelocity', 'covariance_factors', 'cubature',
+    'ExtendedKalmanFilter', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
     'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
     'KalmanFilter', 'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',
-    'pruned_gauss_hermite', 'pruning_threshold', 'RESAMPLERS', 'RuleFactory',
-    'SigmaPointFilter', 'SigmaPointRule', 'simulate',
-    'spread_about', 'StateSpaceModel', 'UnivariateNonstationaryGrowth', 'unscented',
-    'VanDerMerweModel', 'Weights',
+    'pruned_gauss_hermite', 'pruning_threshold', 'RuleFactory', 'SigmaPointFilter',
+    'SigmaPointRule', 'spread_about', 'StateSpaceModel', 'systematic', 'unscented', 'Weights',
 ]

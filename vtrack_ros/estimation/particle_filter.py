@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.model import (
     checked_array, checked_count, checked_covariance, FloatArray, GaussianNoise, StateSpaceModel)
-from vtrack_ros.estimation.particles import Belief, RESAMPLERS, Weights
+from vtrack_ros.estimation.particles import Belief, systematic, Weights
 from vtrack_ros.estimation.proposals import PriorProposal, Proposal, Proposed
 
 LogLikelihood: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -38,23 +38,19 @@ class ParticleFilter:
     the proposed particles keep the weights of before, these are marked `recovered`, and
     `recoveries` counts it.
 
-    The proposal is the transition prior by default; resampling is one of `RESAMPLERS`, where the
-    effective sample size is below the threshold, a fraction of N in [0, 1]. All randomness comes
-    from `rng`.
+    The proposal is the transition prior by default; the threshold is a fraction of N, from 0 to 1.
+    All randomness comes from `rng`.
     """
 
     def __init__(
             self, model: StateSpaceModel, proposal: Proposal | None = None, *,
-            particles: int = 100, resampling: str = 'systematic', threshold: float = 0.5,
-            weighting: str = 'full', rng: np.random.Generator) -> None:
+            particles: int = 100, threshold: float = 0.5, weighting: str = 'full',
+            rng: np.random.Generator) -> None:
         self.model = model
         self.proposal = proposal if proposal is not None else PriorProposal()
         self.particles = checked_count('particles', particles)
-        for name, value, valid in (('resampling', resampling, RESAMPLERS),
-                                   ('weighting', weighting, WEIGHTINGS)):
-            if value not in valid:
-                raise ValueError(f'unknown {name} {value!r}; valid are ' + ', '.join(valid))
-        self._resample = RESAMPLERS[resampling]
+        if weighting not in WEIGHTINGS:
+            raise ValueError(f'unknown weighting {weighting!r}; valid are {", ".join(WEIGHTINGS)}')
         if not 0 <= threshold <= 1:
             raise ValueError(f'threshold must be from 0 to 1, not {threshold!r}')
         self.threshold = float(threshold)
@@ -199,7 +195,7 @@ class ParticleFilter:
         return ratio
 
     def _resampled(self, belief: Belief) -> Belief:
-        indices = self._resample(belief.weights.values, self.particles, self._rng)
+        indices = systematic(belief.weights.values, self.particles, self._rng)
         covariances = belief.covariances
         return replace(
             belief, states=belief.states[indices], weights=Weights.uniform(self.particles),

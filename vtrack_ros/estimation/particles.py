@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 import math
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.estimation.model import checked_count, FloatArray
-
-Indices: TypeAlias = NDArray[np.intp]
-Resampler: TypeAlias = Callable[[FloatArray, int, np.random.Generator], Indices]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,57 +125,17 @@ def spread_about(centre: FloatArray, states: FloatArray, weights: FloatArray) ->
     return (deviation.T * weights) @ deviation
 
 
-def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
+def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """
     Resample with one uniform number: the points (j + u) / count on the cumulated weights.
 
-    Each scheme takes weights, shape (N,), that need not be normalised, and returns `count`
-    ascending indices in time O(N + count); particle i is drawn `count * weights[i]` times on
-    average. They differ in the variance of that number (Douc, Cappe and Moulines, 2005):
-    multinomial has the largest, residual and stratified have less, systematic usually least.
-    ValueError unless the weights are finite, non-negative and with a positive sum.
+    Returns `count` ascending indices in time O(N + count); particle i of N is drawn
+    `count * weights[i]` times on average, and always by less than one more or fewer: in most cases
+    no scheme varies less (Douc, Cappe and Moulines, 2005).
+
+    The weights, shape (N,), need not be normalised; ValueError unless they are finite and
+    non-negative, with a positive sum.
     """
-    return _offspring(_cumulated(weights, count), rng.random())
-
-
-def stratified(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
-    """Resample with one uniform number in each of `count` equal strata; see `systematic`."""
-    cumulated = _cumulated(weights, count)
-    stratum = np.minimum(cumulated.astype(np.intp), count - 1)
-    points = rng.random(count)
-    cumulated -= stratum
-    ends = stratum + (points[stratum] < cumulated).astype(np.float64)
-    ends[-1] = count
-    return _offspring(ends)
-
-
-def residual(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
-    """Resample floor(count * weight) copies of each, the rest as `multinomial`."""
-    expected = weights / _checked_total(weights, count) * count
-    copies = np.floor(expected)
-    remaining = count - int(copies.sum())
-    if remaining > 0:
-        rest = expected - copies
-        total = rest.sum()
-        if total > 0:
-            copies += rng.multinomial(remaining, rest / total)
-        else:
-            copies[np.argmax(expected)] += remaining
-    return np.repeat(np.arange(len(copies)), copies.astype(np.intp))
-
-
-def multinomial(weights: FloatArray, count: int, rng: np.random.Generator) -> Indices:
-    """Resample independently; the number of copies is multinomial; see `systematic`."""
-    copies = rng.multinomial(count, weights / _checked_total(weights, count))
-    return np.repeat(np.arange(len(copies)), copies)
-
-
-RESAMPLERS: dict[str, Resampler] = {
-    scheme.__name__: scheme for scheme in (systematic, stratified, residual, multinomial)}
-
-
-def _checked_total(weights: FloatArray, count: int) -> float:
-    """Return the sum of the weights, if they can be resampled."""
     checked_count('count', count)
     if weights.ndim != 1 or not weights.size:
         raise ValueError(f'weights must be a non-empty vector, not of shape {weights.shape}')
@@ -188,21 +143,10 @@ def _checked_total(weights: FloatArray, count: int) -> float:
     # The negation catches NaN as well.
     if not (weights.min() >= 0 and 0 < total < math.inf):
         raise ValueError('weights must be finite, non-negative and not all zero')
-    return total
-
-
-def _cumulated(weights: FloatArray, count: int) -> FloatArray:
-    """Return the cumulated weights, scaled so that the last is exactly `count`."""
-    _checked_total(weights, count)
-    cumulated = weights.cumsum()
-    cumulated *= count / float(cumulated[-1])
-    cumulated[-1] = count
-    return cumulated
-
-
-def _offspring(ends: FloatArray, shift: float = 0.0) -> Indices:
-    """Return the indices, given where on the axis of points 0 + u, 1 + u, ... each one ends."""
-    ends -= shift
+    ends = weights.cumsum()
+    ends *= count / float(ends[-1])
+    ends[-1] = count
+    ends -= rng.random()
     copies = np.ceil(ends, out=ends).astype(np.intp)
     del ends
     copies[1:] -= copies[:-1].copy()

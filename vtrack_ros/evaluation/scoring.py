@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from vtrack_ros.estimation import composite_index
 from vtrack_ros.evaluation import calibration, metrics
 from vtrack_ros.evaluation.runner import Run
 
@@ -49,6 +48,9 @@ FIGURES = (
     Figure('cei', 'CEI', 'composite index, smaller is better: median processor time 0.5, '
            'RMSE 0.3, RMSE variance 0.2, each relative to the worst of these trackers', True),
 )
+
+#: What time, mean and variance of the RMSE count for in the composite index [Zhu2012, section 5].
+_INDEX_WEIGHTS = np.array([0.5, 0.3, 0.2])
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,21 @@ def with_index(rows: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, f
     if known:
         index.update(zip(known, composite_index([criteria[label] for label in known]).tolist()))
     return {label: {**row, 'cei': index[label]} for label, row in rows.items()}
+
+
+def composite_index(criteria: ArrayLike) -> NDArray[np.float64]:
+    """
+    Return the composite evaluation index of each algorithm, shape (algorithms,) [Zhu2012, eq. 21].
+
+    `CEI(X_k) = sum_i w_i C_i(X_k) / max_j C_i(X_j)`: from 0 to 1, smaller is better. It is
+    relative to the worst of those compared: adding an algorithm changes the others' index.
+
+    Criteria, shape (algorithms, 3), are time per frame, mean and variance of the RMSE; one that is
+    zero for all counts zero.
+    """
+    values = np.asarray(criteria, dtype=np.float64)
+    largest = values.max(axis=0)
+    return np.asarray(values / np.where(largest > 0, largest, 1.0) @ _INDEX_WEIGHTS)
 
 
 def mean(values: Iterable[float] | NDArray[np.generic]) -> float:
