@@ -1,0 +1,128 @@
+"""Sequences made harder by a kind of stress, a severity and a seed, the truth moved along."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+import hashlib
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.evaluation.cache import source_hash
+from vtrack_ros.evaluation.sequences import Sequence
+from vtrack_ros.evaluation.stress_kinds import planned
+from vtrack_ros.evaluation.stress_plan import Footage, StressPlan
+from vtrack_ros.frame import Array, Frame
+
+
+class StressedFrames(NamedTuple):
+    """Frames to go through once; true boxes (n, 4), hidden or not; visibility and steps (n,)."""
+
+    frames: Iterator[Frame]
+    truth: Array
+    visible: NDArray[np.bool_]
+    steps: Array
+
+
+@dataclass(frozen=True)
+class StressedSequence(Sequence):
+    """
+    A sequence under stress, made frame by frame whenever frames are asked for.
+
+    Its `truth` is NaN where the target is hidden, as in a scene; `boxes` has it there too.
+    `content` is the original's fingerprint where it's known already.
+    """
+
+    original: Sequence
+    kind: str
+    severity: float
+    seed: int
+    size: tuple[int, int]
+    content: str = field(default='', repr=False)
+
+    @property
+    def video(self) -> str:
+        """Return the original's target and what is done to it."""
+        return (f'{self.original.video} {self.original.name} {self.kind} {self.severity:g} '
+                f'{self.seed}')
+
+    @property
+    def boxes(self) -> Array:
+        """Return the true boxes, shape (n, 4), hidden or not; NaN where the original has none."""
+        return self._plan()[0].truth
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """Return where the target can be seen, shape (n,)."""
+        return self._plan()[0].visible
+
+    @property
+    def steps(self) -> Array:
+        """Return the time since the frame before, in the original's intervals, for each frame."""
+        return self._plan()[0].steps
+
+    def frames(self) -> Iterator[Frame]:
+        """Make the frames one by one; errors as the original."""
+        plan, rng = self._plan()
+        kept = set(plan.kept.tolist())
+        last = int(plan.kept[-1])
+        left = (frame for index, frame in zip(range(last + 1), self.original.frames())
+                if index in kept)
+        return plan.frames(left, rng)
+
+    def fingerprint(self) -> str:
+        """Return a hash of the original, of what is done to it and by which source."""
+        parts = (self.content or self.original.fingerprint(), self.original.name, self.kind,
+                 f'{self.severity:g}', str(self.seed),
+                 source_hash('vtrack_ros.evaluation.stress_kinds'))
+        return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
+
+    def _plan(self) -> tuple[StressPlan, np.random.Generator]:
+        return _planned(self.original, self.kind, self.severity, self.seed, self.size)
+
+
+def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int = 0,
+                      content: str = '') -> StressedSequence:
+    """
+    Return a sequence under stress, named as it with kind and severity.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        The original.
+    kind : str
+        One of `STRESS_KINDS` that changes frames, or `plain`.
+    severity : float
+        In the kind's unit; its `severities` are three that the reports have.
+    seed : int
+        Of the randomness, with the sequence's name and the kind; that of all severities is the
+        same.
+    content : str
+        The original's fingerprint, where it's known already.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown or isn't one of frames, or the severity isn't positive.
+    SequenceError
+        If the first frame can't be read.
+
+    """
+    height, width = next(iter(sequence.frames())).shape[:2]
+    size = width, height
+    plan, _ = _planned(sequence, kind, severity, seed, size)
+    truth = np.where(plan.visible[:, None], plan.truth, np.nan)
+    return StressedSequence(f'{sequence.name} ({kind} {severity:g})', truth, sequence, kind,
+                            severity, seed, size, content)
+
+
+def stress(sequence: Sequence, kind: str, severity: float, seed: int = 0) -> StressedFrames:
+    """Return what `stressed_sequence` makes as frames, true boxes, visibility and steps."""
+    made = stressed_sequence(sequence, kind, severity, seed)
+    return StressedFrames(made.frames(), made.boxes, made.visible, made.steps)
+
+
+def _planned(sequence: Sequence, kind: str, severity: float, seed: int,
+             size: tuple[int, int]) -> tuple[StressPlan, np.random.Generator]:
+    return planned(Footage(sequence.name, sequence.truth, sequence.steps, size),
+                   kind, severity, seed)

@@ -1,0 +1,117 @@
+"""What is planned for a sequence under stress: which frames it keeps, changed how, and truth."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.evaluation.frame_changes import shifted
+from vtrack_ros.evaluation.metrics import present
+from vtrack_ros.frame import Array, Frame
+
+Frames = Iterator[Frame]
+#: A frame's index -> the frame as it shall be.
+Edit = Callable[[int, Frame, np.random.Generator], Frame]
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A sequence: truth, shape (n, 4), NaN where absent; steps, shape (n,); image size [px]."""
+
+    name: str
+    truth: Array
+    steps: Array
+    size: tuple[int, int]
+
+    @property
+    def boxes(self) -> Array:
+        """Return the truth with the last known box where the target is absent."""
+        known = np.where(present(self.truth), np.arange(len(self.truth)), 0)
+        return self.truth[np.maximum.accumulate(known)]
+
+    @property
+    def sides(self) -> Array:
+        """Return the root of the target's area in each frame, shape (n,), [px]."""
+        sides: Array = np.sqrt(self.boxes[:, 2:].prod(axis=1))
+        return sides
+
+
+@dataclass(frozen=True)
+class StressPlan:
+    """
+    What becomes of a sequence.
+
+    Parameters
+    ----------
+    kept : ndarray of int, shape (m,)
+        Which frames there still are.
+    truth : ndarray, shape (m, 4)
+        The boxes in the changed frames, hidden or not; NaN where the target was absent before.
+    visible : ndarray of bool, shape (m,)
+        Where the target can be seen.
+    steps : ndarray, shape (m,)
+        The time since the frame before, in the frame intervals of the original.
+    frames : callable
+        Makes the changed frames of the kept ones.
+
+    """
+
+    kept: NDArray[np.intp]
+    truth: Array
+    visible: NDArray[np.bool_]
+    steps: Array
+    frames: Callable[[Iterable[Frame], np.random.Generator], Frames]
+
+
+def thinned(footage: Footage, kept: NDArray[np.bool_]) -> StressPlan:
+    """Keep some frames, the first one among them; their steps are the time that passed."""
+    indices = np.flatnonzero(kept)
+    times = np.cumsum(footage.steps)[indices]
+    truth = footage.truth[indices]
+    return StressPlan(indices, truth, present(truth),
+                      np.concatenate([footage.steps[:1], np.diff(times)]),
+                      lambda frames, rng: iter(frames))
+
+
+def edited(footage: Footage, edit: Edit, truth: Array | None = None) -> StressPlan:
+    """Keep all frames, each one edited."""
+    return StressPlan(
+        np.arange(len(footage.truth)), footage.truth if truth is None else truth,
+        present(footage.truth), footage.steps, lambda frames, rng: (
+            edit(index, frame, rng) for index, frame in enumerate(frames)))
+
+
+def moved(footage: Footage, offsets: Array) -> StressPlan:
+    """Move each frame by whole pixels, and the truth with it."""
+    pixels = np.rint(offsets).astype(int)
+    truth = footage.truth + np.pad(pixels, ((0, 0), (0, 2)))
+    return edited(
+        footage, lambda index, frame, rng: shifted(frame, pixels[index].tolist()), truth)
+
+
+def room(footage: Footage) -> tuple[Array, Array]:
+    """Return how far each frame can be moved, (n, 2) each way, with no more of it cut off."""
+    boxes = footage.boxes
+    return (np.ceil(np.minimum(0, -boxes[:, :2])),
+            np.floor(np.maximum(0, np.array(footage.size) - boxes[:, :2] - boxes[:, 2:])))
+
+
+def stretches(count: int, least: int, most: int, rng: np.random.Generator) -> (
+        Iterator[tuple[int, int]]):
+    """Divide frames into stretches of random length."""
+    begin = 0
+    while begin < count:
+        end = begin + int(rng.integers(least, most + 1))
+        yield begin, min(end, count)
+        begin = end
+
+
+def now_and_then(count: int, least: int, most: int, rng: np.random.Generator) -> Array:
+    """Return a random angle for the frames of every second stretch, NaN for the others."""
+    angles = np.full(count, np.nan)
+    for number, (begin, end) in enumerate(stretches(count, least, most, rng)):
+        if number % 2:
+            angles[begin:end] = rng.uniform(0, 2 * math.pi)
+    return angles
