@@ -18,6 +18,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.replicas import REPLICAS
 from vtrack_ros.replicas.box_filter import BoxParticleFilter
 from vtrack_ros.replicas.cues import BoxCues
+from vtrack_ros.replicas.dynamics import motion_model
 from vtrack_ros.tracker import TrackState
 
 BY_NAME = {replica.NAME: replica for replica in REPLICAS}
@@ -327,3 +328,38 @@ def test_the_terms_of_the_affine_baselines():
     assert [name for name, table in tables.items() if 'keypoints' in table] == ['appf_paper']
     assert [name for name, table in tables.items() if 'colour_sigma' in table] == [
         'appf_paper', 'affine_pf_paper']
+
+
+@pytest.mark.parametrize('name', ['pf_paper', 'gmpf_paper', 'kpf_paper', 'upf_paper'])
+@pytest.mark.parametrize('dynamics', ['random_walk', 'constant_velocity', 'white_acceleration'])
+def test_box_filters_follow_with_any_dynamics(name, dynamics):
+    """A target at 2 px a frame, a fifteenth of its side, is followed however it's modelled."""
+    frames, boxes = video(10, (2.0, 1.0))
+    last = tracked(name, frames, boxes[0], dynamics=dynamics, noise=0.15)[-1]
+    assert last.box.iou(boxes[-1]) > 0.5
+
+
+@pytest.mark.parametrize('dynamics, moved', [
+    ('random_walk', 0.0), ('constant_velocity', 6.0), ('white_acceleration', 6.0)])
+def test_dynamics_say_how_places_move(dynamics, moved):
+    """Velocities carry places unless they walk at random; the noise a frame is what was asked."""
+    model = motion_model(dynamics, 3.0, 0.5)
+    state = np.array([[10.0, 20.0, 3.0, -1.0, 30.0, 40.0]])
+    np.testing.assert_allclose(
+        model.transition(state, 2.0) - state, [[moved, -moved / 3, 0, 0, 0, 0]])
+    noise = np.diag(model.process_noise(1.0))
+    np.testing.assert_allclose(noise[[2 if dynamics == 'white_acceleration' else 0, 4]], [9, 0.25])
+    assert np.linalg.eigvalsh(model.process_noise(2.0)).min() > 0
+
+
+def test_the_stage_of_the_search_is_told():
+    """Tracking, then lost with the target, after ten frames of search in the whole frame."""
+    drawn = DrawnVideo()
+    tracker = BY_NAME['abmspf_paper'](1)
+    tracker.start(drawn.frame((150.0, 110.0)), box_at((150.0, 110.0)))
+    stages = []
+    for place in [(150.0, 110.0)] * 3 + [None] * 14 + [(150.0, 110.0)] * 2:
+        tracker.update(drawn.frame(place))
+        stages.append(tracker.stage)
+    assert stages[:3] == ['track'] * 3 and stages[10] == 'none'
+    assert stages[17] in ('ahead', 'near', 'everywhere') and stages[18] == 'track'

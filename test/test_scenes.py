@@ -12,8 +12,8 @@ from vtrack_ros.scenes.stage import film, FilmCamera, Light, View
 
 PAPERS = {'face_fast': (128, 96), 'football': (400, 240), 'similar_occlusion': (384, 288),
           'pose_change': (256, 192), 'car_approach': (384, 288), 'helicopter': (320, 240)}
-OTHERS = {'scale_change', 'light_change', 'full_occlusion', 'leave_and_return', 'low_light_noise',
-          'distractor_cross'}
+OTHERS = {'scale_change', 'light_change', 'light_step', 'full_occlusion', 'leave_and_return',
+          'low_light_noise', 'distractor_cross'}
 
 
 def shots(name, times):
@@ -204,3 +204,17 @@ def test_helicopter():
 def test_frames_are_made_one_by_one():
     """A long film needs no more than the frames that are asked for."""
     assert len(list(islice(render('face_fast', frames=10_000_000), 3))) == 3
+
+
+def test_light_steps_down_by_half():
+    """All of the picture is half as bright after frame 58 as before frame 55."""
+    seen = shots('light_step', (54, 59))
+    before, after = (float(seen[time].frame.mean()) for time in (54, 59))
+    assert after / before == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_hidden_target_has_an_outline_but_no_truth():
+    """Behind the kiosk the scene still knows where the walker is."""
+    seen = shots('full_occlusion', (40, 74))
+    assert seen[40].truth == seen[40].outline
+    assert seen[74].truth is None and seen[74].outline.width > 1

@@ -14,6 +14,7 @@ from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.cues import BoxCues, FusionRule, FUSIONS
+from vtrack_ros.replicas.dynamics import DYNAMICS, motion_model
 from vtrack_ros.tracker import Estimate, Tracker
 
 #: Standard deviations of the centre and the size that the particles don't know of, as shares of
@@ -23,7 +24,14 @@ _SEARCHING_BELOW = 0.5
 #: Standard deviations of the first particles, in sides.
 _FIRST_SPREAD = np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02])
 
-BOX_PARAMETERS = MOTION + ParameterTable([
+BOX_PARAMETERS = ParameterTable([
+    MOTION['particles'],
+    Parameter('dynamics', 'white_acceleration', 'How places move: as white acceleration drives '
+              'them; at constant velocity, with independent noise of place and velocity; or as a '
+              'random walk.', choices=DYNAMICS),
+    Parameter('noise', 0.2, 'Standard deviation of the change of velocity a frame with white '
+              "acceleration, else of the place's own step, as a share of the mean side.",
+              0.001, 2.0),
     Parameter('size_noise', 0.01, 'Standard deviation of the change of size a frame, as a share '
               'of the mean side.', 0.001, 0.5),
     Parameter('cues', 'colour', 'What boxes are compared by; in force at the next start.',
@@ -33,6 +41,8 @@ BOX_PARAMETERS = MOTION + ParameterTable([
     Parameter('fusion', 'dempster_shafer', 'How two cues are fused; normalised is eqs 16 to 19 '
               'of Qi and Li 2012 to the letter.',
               choices=tuple(FUSIONS)),
+    Parameter('grid', 12, 'Points along each side of a box that its colours are taken at; in '
+              'force at the next start.', 4, 64),
     Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
 ]) + RESAMPLING
 
@@ -41,8 +51,8 @@ class BoxParticleFilter(Tracker):
     """
     A particle filter over (cx, cy, vx, vy, w, h), in pixels and frames [Zhu2012, eq. 19].
 
-    Centres move at nearly constant velocity, sizes as a random walk: the papers' "first-order
-    autoregressive model", of which they give neither matrix nor noise. A subclass gives the
+    The papers' model of motion is "first-order autoregressive", x = A x_prev + u, with neither A
+    nor u given: `dynamics` and `noise` say which; sizes are a random walk. A subclass gives the
     proposal, and says whether a measured centre steers it.
     """
 
@@ -72,7 +82,8 @@ class BoxParticleFilter(Tracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         parameters = self._parameters
         self._as_printed = bool(parameters.get('as_printed', False))
-        self._cues = BoxCues('motion_edge' in str(parameters['cues']), str(parameters['kernel']))
+        self._cues = BoxCues('motion_edge' in str(parameters['cues']), str(parameters['kernel']),
+                             int(parameters['grid']))
         self._configure()
         self._box = np.array([*box.center, box.width, box.height])
         self._cues.start(frame, self._box)
@@ -86,7 +97,8 @@ class BoxParticleFilter(Tracker):
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adapt()
         predicted = self._box.copy()
-        predicted[:2] += dt * self._filter.belief.mean[2:4]
+        before = self._filter.belief.mean[None]
+        predicted[:2] += (self._filter.model.transition(before, dt) - before)[0, :2]
         self._cues.observe(frame, predicted)
         center, error = None, None
         if self._measures:
@@ -117,9 +129,9 @@ class BoxParticleFilter(Tracker):
     def _create_filter(self, side: float) -> ParticleFilter:
         parameters = self._parameters
         self._side = side
-        model = ConstantVelocity(
-            2, 2, (float(parameters['acceleration']) * side)**2,
-            (float(parameters['size_noise']) * side)**2)
+        model = motion_model(
+            str(parameters['dynamics']), float(parameters['noise']) * side,
+            float(parameters['size_noise']) * side)
         return ParticleFilter(
             model, self._proposal(model), particles=int(parameters['particles']),
             threshold=float(parameters['threshold']), weighting=self._weighting(), rng=self._rng)

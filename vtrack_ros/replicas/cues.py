@@ -39,11 +39,11 @@ class BoxCues:
     Boxes are bounded softly, where the papers say nothing: sizes to a range about the first one,
     centres to the image, outside of which nothing is seen.
 
-    Boxes are rows (centre x, centre y, width, height), in px; `kernel` is the histogram's.
+    Boxes are rows (centre x, centre y, width, height), in px; `kernel` and `grid` are the colours'.
     """
 
-    def __init__(self, edges: bool, kernel: str) -> None:
-        self._colour = ColourHistogram(kernel=kernel)
+    def __init__(self, edges: bool, kernel: str, grid: int = 12) -> None:
+        self._colour = ColourHistogram(kernel=kernel, grid=grid)
         self._edges = MotionEdge() if edges else None
         self.sigma = 0.1
         self.fusion: FusionRule = FUSION_RULES['product']

@@ -87,6 +87,8 @@ class MeanShiftReplica(Tracker):
     NAME = 'abms_paper'
     SUMMARY = 'adaptive-bandwidth mean shift (ABMS), the baseline of Yin et al. 2013'
     PARAMETERS = _MEAN_SHIFT
+    #: What the last update's place is from: 'track', a stage of the search, or none.
+    stage = 'track'
 
     def _configure(self) -> None:
         values = self._parameters
@@ -112,6 +114,7 @@ class MeanShiftReplica(Tracker):
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         points = self._drawn(dt)
+        self.stage = 'track'
         match = None if self._searched_frames else self._tracked(frame, points)
         expected = self._center
         if match is None or match.zeta <= self._rejected:
@@ -119,6 +122,7 @@ class MeanShiftReplica(Tracker):
                 self._matrix = self._trusted
             match, expected = self._search(frame, dt, points)
         if match is None:
+            self.stage = 'none'
             self._searched_frames += dt
             self._velocity *= 0.9**dt
             self._center = _inside(expected, frame)
@@ -143,6 +147,7 @@ class MeanShiftReplica(Tracker):
 
     def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
         """Search for the target; also return the place, shape (2,), to report where it fails."""
+        self.stage = 'everywhere'
         return self._likest(frame, self._blobs(frame)), self._center
 
     def _likest(self, frame: Frame, candidates: Array) -> Match | None:
@@ -270,10 +275,12 @@ class MeanShiftParticleReplica(MeanShiftReplica):
         return Match(np.array(place), zeta)
 
     def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
+        self.stage = 'ahead'
         ahead = self._center + dt * self._velocity
         match = self._likest(frame, ahead[None])
         if match is not None:
             return match, ahead
+        self.stage = 'near'
         searched = self._searched_frames
         reach = float(self._parameters['region']) * (1 + 0.2 * min(searched, 2 * _LOCAL_FRAMES))
         spread = self._rng.uniform(-1.0, 1.0, (_CANDIDATES, 2)) * self._half_sides
@@ -281,6 +288,7 @@ class MeanShiftParticleReplica(MeanShiftReplica):
         scores = self._score(frame, candidates)
         match = self._matched(frame, candidates, scores)
         if match is None and searched > _LOCAL_FRAMES:
+            self.stage = 'everywhere'
             match = self._likest(frame, self._blobs(frame))
         # the particles' mean, weighted with their similarity [Yin2013, eq. 12]
         weights = scores[_CANDIDATES:] + 0.1

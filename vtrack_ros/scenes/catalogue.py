@@ -45,6 +45,8 @@ _SCENES = (
               320, 240, 160, people.scale_change),
     SceneInfo('light_change', 'A face under lights that go out, change colour and flicker.',
               320, 240, 130, faces.light_change),
+    SceneInfo('light_step', 'A face whose light falls by half in frames 55-58; somebody covers a '
+              'part of it later.', 320, 240, 130, faces.light_step),
     SceneInfo('full_occlusion', 'A walker is hidden by a kiosk for about twenty frames.',
               320, 240, 140, people.full_occlusion),
     SceneInfo('car_approach', 'A car comes near and grows fourfold, past a lamp post, among its '

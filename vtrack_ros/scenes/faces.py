@@ -174,3 +174,23 @@ def light_change(view: View, rng: np.random.Generator) -> Scene:
         return np.asarray(1 + slant(time) * (0.95 * near - 0.5))
 
     return Scene(view, backdrop, (body, face), 1, FilmCamera(noise=4), Light(colour, lamp))
+
+
+def light_step(view: View, rng: np.random.Generator) -> Scene:
+    """Return a face whose light falls by half in frames 55 to 58, partly covered later on."""
+    backdrop = office(view, rng.spawn(1)[0], size=2.5)
+    head = Head(32 * view.unit, rng, hair=(40, 70, 104), shirt=(60, 50, 120),
+                stripe=(140, 150, 160))
+    other = Head(40 * view.unit, rng, skin=(110, 140, 190), hair=(30, 30, 34))
+    sway_x, sway_y = unrest(rng, 3.0, 26), unrest(rng, 2.4, 22)
+    x = keyframes((0, 90), (40, 150), (70, 196), (100, 150), (130, 120))
+    turn = keyframes((0, 0.2), (35, -0.3), (70, 0.3), (100, -0.3), (130, 0.1))
+    body, face = person(
+        head, lambda time: x(time) + sway_x(time), lambda time: 112 + sway_y(time),
+        lambda time: 30.0, turn, nod, lambda time: 0.25 * turn(time))
+    passer = person(
+        other, keyframes((70, 380), (112, -60)), lambda time: 138.0, lambda time: 38.0,
+        lambda time: -0.8, nod, lambda time: 0.0)
+    dim = stepwise((0, 1.0), (55, 1.0), (58, 0.5))
+    return Scene(view, backdrop, (body, face, *passer), 1, FilmCamera(noise=4),
+                 Light(lambda time: (dim(time),) * 3))

@@ -111,14 +111,15 @@ class SceneFrame:
     """
     A rendered frame, uint8, shape (H, W, 3), and the truth about it.
 
-    The truth bounds the target's whole outline in the middle of the exposure, hidden or not; it's
-    None while less than a tenth of the target is in sight, as the visibility says.
+    The outline's bounds are the whole target's in the middle of the exposure, hidden or not; so is
+    the truth, but None while less than a tenth of the target is in sight, as the visibility says.
     """
 
     frame: NDArray[np.uint8]
     truth: Box | None
     index: int
     visibility: float
+    outline: Box
 
 
 def film(scene: Scene, times: Iterator[float], rng: np.random.Generator) -> Iterator[SceneFrame]:
@@ -126,7 +127,7 @@ def film(scene: Scene, times: Iterator[float], rng: np.random.Generator) -> Iter
     for index, time in enumerate(times):
         frame = _developed(scene, _exposed(scene, time), time, rng)
         box, visibility = _truth(scene, time)
-        yield SceneFrame(frame, box if visibility >= VISIBLE else None, index, visibility)
+        yield SceneFrame(frame, box if visibility >= VISIBLE else None, index, visibility, box)
 
 
 def _world_to_image(scene: Scene, time: float) -> Affine:
