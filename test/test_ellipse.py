@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry.ellipse import (
-    axes_of_bandwidth, bounds_of_bandwidth, SIGMA, square_root, turned)
+    axes_of_bandwidth, bounded, bounds_of_bandwidth, SIGMA, square_root, turned)
+
+#: The mean of the axes 10 and 5.
+FIRST = math.sqrt(50)
 
 
 def bandwidth_of_axes(major, minor, angle):
@@ -22,6 +25,15 @@ def test_axes_and_angle_come_back(major, minor, angle):
     found = axes_of_bandwidth(bandwidth_of_axes(major, minor, angle))
     assert found[:2] == pytest.approx((major, minor))
     assert math.remainder(found[2] - angle, math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('frame, mean, ratio', [
+    (np.diag([20.0, 12.0]), math.sqrt(240), 5 / 3), (np.diag([200.0, 80.0]), 4 * FIRST, 2.5),
+    (np.diag([1.0, 2.0]), FIRST / 2, 2.0), (np.array([[0.0, -1.0], [50.0, 0.0]]), FIRST, 4.0)])
+def test_a_frame_stays_within_bounds_about_the_first_one(frame, mean, ratio):
+    """Its axes' mean from half to four times the first one's, their ratio up to twice that one."""
+    axes = np.linalg.svd(bounded(frame, np.diag([10.0, 5.0]), (0.5, 4.0), 2.0))[1]
+    assert (math.sqrt(math.prod(axes)), axes[0] / axes[1]) == pytest.approx((mean, ratio))
 
 
 def test_the_bound_of_an_upright_ellipse():

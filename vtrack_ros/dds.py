@@ -15,15 +15,7 @@ _DOMAINS = range(1, 101)
 
 
 def profile_path() -> Path:
-    """
-    Return the profile's path: in the installed package's share, or in the source tree.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it's in neither.
-
-    """
+    """Return the profile's path, in the source tree or a share; FileNotFoundError for neither."""
     here = Path(__file__).resolve()
     places = [here.parents[1], *(folder / 'share' / 'vtrack_ros' for folder in here.parents)]
     for place in places:
@@ -41,7 +33,6 @@ def receiving_profile(environment: Mapping[str, str]) -> dict[str, str]:
 
     Fast DDS takes the whole segment into memory at once, 64 MiB with our profile; who only
     receives images needs a quarter of that. Profiles other than ours are left as they are.
-
     """
     result = dict(environment)
     for name in VARIABLES:
@@ -64,18 +55,8 @@ def reserve_domain() -> socket.socket:
     Take a DDS domain that nobody else on this machine has, for this process and its children.
 
     By the convention of ROS's own domain_coordinator: whoever holds the domain's port has the
-    domain, until the returned socket is closed or the process ends.
-
-    Returns
-    -------
-    socket.socket
-        To be kept as long as the domain is needed.
-
-    Raises
-    ------
-    RuntimeError
-        If all domains from 1 to 100 are taken.
-
+    domain, until the returned socket is closed or the process ends. RuntimeError if all domains
+    from 1 to 100 are taken.
     """
     for domain in _DOMAINS:
         guard = socket.socket()

@@ -16,23 +16,9 @@ class Parameter:
     """
     One parameter: everything that a node, a command line or a manual has to know about it.
 
-    Parameters
-    ----------
-    name : str
-        The name, in lower case with underscores.
-    default : bool, int, float or str
-        The default, whose type is the parameter's type.
-    description : str
-        One sentence for a person.
-    low, high : float, optional
-        The closed range of a number.
-    unit : str
-        The unit of a number, such as ``px``; empty where it has none.
-    choices : tuple of str or tuple of int
-        The valid values; empty where any of the type and in the range will do.
-    dynamic : bool
-        Whether it may change while the tracker runs.
-
+    Its type is the default's, its description a sentence for a person. A number has a closed range
+    and a unit such as ``px``, empty where it has none; `choices` are the valid values, empty where
+    any of the type and in the range will do. A dynamic one may change while the tracker runs.
     """
 
     name: str
@@ -64,13 +50,8 @@ class Parameter:
         """
         Return `value` in the parameter's type.
 
-        Raises
-        ------
-        TypeError
-            If it's of another type (an integer is taken for a float).
-        ValueError
-            If it's outside the range, not finite, or not among the choices.
-
+        TypeError if it's of another type (an integer is taken for a float); ValueError if it's
+        outside the range, not finite, or not among the choices.
         """
         kind = self.kind
         if kind is bool or isinstance(value, bool):

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.histogram import joint_bins
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry.ellipse import SIGMA, square_root
 
-Array = NDArray[np.float64]
 Bins = NDArray[np.intp]
 
 #: Sample points along the ellipse's diameter, whatever its size in pixels.
@@ -62,23 +61,14 @@ class EllipseColours:
 
     Colours that the first surroundings share count less, by their likelihood ratio
     `q / (q + background)`, in target and candidates alike, in the manner of the
-    background-weighted histogram of Comaniciu et al. (2003). The paper has no such weights.
+    background-weighted histogram of Comaniciu et al. (2003), if it's `weighted`. The paper has no
+    such weights.
 
-    Parameters
-    ----------
-    histogram, background : ndarray, shape (colours,)
-        Kernel density of the colours [Yin2013, eq. 1], and their frequency about the target.
-    weighted : bool
-        Whether the background counts.
-    bins : ndarray, shape (colours,)
-        From a colour to its bin in `density`; the last bin takes all that isn't the target's.
-    density : ndarray, shape (n + 1,)
-        The weighted density `q` of the target's own colours; 0 in the last bin.
-    share : ndarray, shape (n + 1,)
-        What a candidate's density is multiplied with.
-    moment : ndarray, shape (2, 2)
-        Inverse root of the second moment of the target's weights, in units of its frame.
-
+    The histogram is the colours' kernel density [Yin2013, eq. 1], `background` their frequency
+    about the target, shape (colours,) both. `bins` gives a colour's place in `density`, shape
+    (n + 1,), the weighted density `q` of the target's own n colours; the last is all others', 0.
+    A candidate's density is multiplied with `share`. The moment, shape (2, 2), is the inverse root
+    of the second moment of the target's weights, in units of its frame.
     """
 
     histogram: Array

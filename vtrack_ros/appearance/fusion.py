@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vtrack_ros.frame import Array
 
 #: No hypothesis is impossible: the smallest mass that a weight is left with.
 _LEAST = 1e-12

@@ -8,6 +8,11 @@ from vtrack_ros.appearance.histogram import Boxes, sampled_histograms
 from vtrack_ros.frame import Frame
 
 _DIRECTIONS = 16
+#: Sample points along each side of a box, and the weight of each.
+_GRID = 12
+_WEIGHTS = np.full(_GRID**2, 1 / _GRID**2)
+#: Share of the reference that one frame's histogram makes.
+_RATE = 0.1
 #: Gradient of the difference, |gx| + |gy|, that makes an edge [Qi2012, eq. 12].
 _EDGE = 5
 #: A target with a smaller share of edges is taken for standing still.
@@ -24,12 +29,10 @@ class MotionEdge:
     over each box, with one more bin for points without an edge. The frames are first aligned by
     the global shift between them, so that a moving camera doesn't make everything move.
 
-    The reference follows the target by the share `rate` in each frame that it moves in.
+    The reference follows the target in each frame that it moves in.
     """
 
-    def __init__(self, grid: int = 12, rate: float = 0.1) -> None:
-        self.grid, self.rate = grid, rate
-        self._weights = np.full(grid * grid, 1 / grid**2)
+    def __init__(self) -> None:
         self._previous: Frame | None = None
         self._codes: NDArray[np.intp] | None = None
         self._reference: NDArray[np.float64] | None = None
@@ -68,13 +71,13 @@ class MotionEdge:
         histogram /= histogram.sum()
         if self._reference is None:
             self._reference = histogram
-        self._reference = self._reference + self.rate * (histogram - self._reference)
+        self._reference = self._reference + _RATE * (histogram - self._reference)
 
     def histograms(self, boxes: Boxes) -> NDArray[np.float64]:
         """Return the histograms of moving edges in boxes, shape (N, bins)."""
         assert self._codes is not None
         moved = boxes - np.array([*self._origin, 0, 0])
-        return sampled_histograms(self._codes, _DIRECTIONS + 1, moved, self.grid, self._weights)
+        return sampled_histograms(self._codes, _DIRECTIONS + 1, moved, _GRID, _WEIGHTS)
 
     def _edges(self, previous: Frame, grey: Frame,
                region: tuple[int, int, int, int]) -> NDArray[np.intp]:

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.estimation.particles import systematic
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import affine
-
-Array = NDArray[np.float64]
 
 #: Bounds of scale (relative to the first) and of the ratio of the stretches along two axes.
 _SMALLEST, _LARGEST = 0.2, 5.0

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from vtrack_ros.frame import Array
+
 _Complex = NDArray[np.complex128]
 
 #: Eigenvalues nearer than this count as equal: below, a quotient of differences loses digits.

@@ -20,18 +20,7 @@ MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8,), 'equidistant': (4,)}
 
 @dataclass(frozen=True)
 class Position:
-    """
-    Where the target is.
-
-    Parameters
-    ----------
-    point : ndarray, shape (3,)
-        In `units`.
-    covariance : ndarray, shape (3, 3)
-        In `units` squared.
-    units : {'pixels', 'ray', 'metres'}
-
-    """
+    """Where the target is: point (3,) and covariance (3, 3), in 'pixels', 'ray' or 'metres'."""
 
     point: Vector
     covariance: Vector
@@ -41,23 +30,13 @@ class Position:
 @dataclass(frozen=True)
 class Camera:
     """
-    A calibrated camera: pinhole with distortion.
+    A calibrated camera: pinhole with distortion; all lengths in pixels.
 
-    Parameters
-    ----------
-    fx, fy, cx, cy : float, [px]
-        The intrinsic matrix; a pixel's centre has whole coordinates, as camera_info has it.
-    model : str
-        The distortion model, one of `MODELS`.
-    coefficients : tuple of float
-        Its coefficients, in the order of sensor_msgs/msg/CameraInfo; empty: no distortion.
-    width, height : int, [px]
-        The size of the images that it describes.
-    offset : tuple of float, [px]
-        Where the image's corner lies on the sensor.
-    binning : tuple of float
-        How many pixels of the sensor make one of the image, in x and y.
-
+    In the intrinsic matrix (fx, fy, cx, cy) a pixel's centre has whole coordinates, and the
+    coefficients of the distortion model, one of `MODELS`, are in the order of
+    sensor_msgs/msg/CameraInfo; none: no distortion. The images have a width and a height, their
+    corner lies at an offset on the sensor, of whose pixels `binning` make one of theirs, in x and
+    y.
     """
 
     fx: float
@@ -140,25 +119,13 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
     """
     Return where the target is, with the box's covariance carried through to first order.
 
-    Parameters
-    ----------
-    box : Box
-        Where the target is on the image.
-    box_covariance : ndarray, shape (4, 4), [px^2]
-        Over centre x, centre y, width, height.
-    camera : Camera or None
-        None: not calibrated.
-    units : {'auto', 'pixels', 'ray', 'metres'}
-        'auto' takes the best that can be had.
-    width, height : float, [m]
-        The target's real size, 0 where unknown; the height counts where the width is unknown.
+    The covariance, shape (4, 4), [px^2], is over centre x, centre y, width, height; without a
+    camera nothing is calibrated. Width and height are the target's real size, [m], 0 where
+    unknown; the height counts where the width is unknown.
 
-    Returns
-    -------
-    Position or None
-        None where it can't be had in those units. Pixels: on the image, z = 0. A ray: at depth 1
-        in the optical frame (x right, y down, z forward). Metres: in the same frame.
-
+    Units are 'pixels', on the image, z = 0; 'ray', at depth 1 in the optical frame (x right, y
+    down, z forward); 'metres', in the same frame; 'auto' for the best that can be had. None where
+    it can't be had in those.
     """
     sized = width > 0 or height > 0
     if units == 'auto':

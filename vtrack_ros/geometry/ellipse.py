@@ -33,6 +33,23 @@ def bounds_of_bandwidth(center: tuple[float, float], bandwidth: Matrix) -> Box:
         *center, 2 * SIGMA * math.sqrt(bandwidth[0, 0]), 2 * SIGMA * math.sqrt(bandwidth[1, 1]))
 
 
+def bounded(frame: Matrix, first: Matrix, sizes: tuple[float, float], aspect: float) -> Matrix:
+    """
+    Return an ellipse's frame, shape (2, 2), within bounds about the first one, a diagonal.
+
+    The axes' mean is between `sizes` of the first one's, their ratio within a factor `aspect`.
+    """
+    left, axes, right = np.linalg.svd(frame)
+    reference = np.sort(first.diagonal())[::-1]
+    ratio = reference[0] / reference[1]
+    mean = math.sqrt(axes[0] * axes[1])
+    usual = math.sqrt(reference[0] * reference[1])
+    mean = min(max(mean, sizes[0] * usual), sizes[1] * usual)
+    elongation = min(max(axes[0] / axes[1], max(ratio / aspect, 1.0)), ratio * aspect)
+    axes = mean * np.array([math.sqrt(elongation), 1 / math.sqrt(elongation)])
+    return (left * axes) @ right
+
+
 def turned(angle: float, previous: float) -> float:
     """Return an ellipse's angle, known up to half turns, as the one nearest to a previous one."""
     return previous + math.remainder(angle - previous, math.pi)

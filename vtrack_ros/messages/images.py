@@ -46,7 +46,8 @@ _I420 = _planar(cv2.COLOR_YUV2BGR_I420, 1)
 
 # OpenCV names a Bayer pattern by the second row's second and third pixel, ROS by the first two
 # rows' first two: ROS's RGGB is OpenCV's BG.
-_ENCODINGS = {
+#: The encodings that `to_frame` reads.
+ENCODINGS = {
     'mono8': _Encoding(1),
     '8UC1': _Encoding(1),
     'mono16': _Encoding(1, bits=16),
@@ -79,12 +80,6 @@ _ENCODINGS = {
     'bayer_gbrg16': _bayer(cv2.COLOR_BayerGR2BGR, 16),
     'bayer_grbg16': _bayer(cv2.COLOR_BayerGB2BGR, 16),
 }
-
-#: The encodings that `to_frame` reads.
-ENCODINGS = tuple(_ENCODINGS)
-
-#: The encodings that `fill_image` writes.
-WRITABLE_ENCODINGS = ('mono8', 'bgr8', 'rgb8')
 
 
 def to_frame(message: Any) -> Frame:
@@ -154,29 +149,15 @@ def compressed_to_frame(message: Any) -> Frame:
     return np.ascontiguousarray(frame)
 
 
-def fill_image(message: Any, frame: Frame, encoding: str | None = None) -> None:
-    """
-    Write a frame into an image message: size, encoding, step and data, but not the header.
-
-    The encoding is one of `WRITABLE_ENCODINGS`, or a ValueError; by default as the frame is.
-    """
-    own = 'mono8' if frame.ndim == 2 else 'bgr8'
-    encoding = own if encoding is None else encoding
-    if encoding not in WRITABLE_ENCODINGS:
-        raise ValueError(
-            f'cannot write image encoding {encoding!r}; valid are ' +
-            ', '.join(WRITABLE_ENCODINGS))
-    codes: dict[tuple[str, str], int] = {
-        ('mono8', 'bgr8'): cv2.COLOR_GRAY2BGR, ('mono8', 'rgb8'): cv2.COLOR_GRAY2RGB,
-        ('bgr8', 'mono8'): cv2.COLOR_BGR2GRAY, ('bgr8', 'rgb8'): cv2.COLOR_BGR2RGB}
-    pixels = frame if encoding == own else _converted(frame, codes[own, encoding])
-    message.height, message.width = pixels.shape[:2]
-    message.encoding = encoding
+def fill_image(message: Any, frame: Frame) -> None:
+    """Write a frame, mono8 or bgr8, into an image message: all but the header."""
+    message.height, message.width = frame.shape[:2]
+    message.encoding = 'mono8' if frame.ndim == 2 else 'bgr8'
     message.is_bigendian = 0
-    message.step = pixels.shape[1] * (1 if pixels.ndim == 2 else 3)
+    message.step = frame.shape[1] * (1 if frame.ndim == 2 else 3)
     # rclpy takes an array as it is; a list, ndarray or memoryview it copies value by value.
     data = array('B')
-    data.frombytes(np.ascontiguousarray(pixels).data)
+    data.frombytes(np.ascontiguousarray(frame).data)
     message.data = data
 
 
@@ -186,11 +167,11 @@ def stamp_nanoseconds(stamp: Any) -> int:
 
 
 def _encoding(name: str, width: int, height: int) -> _Encoding:
-    if name not in _ENCODINGS:
-        raise ValueError(f'unknown image encoding {name!r}; valid are ' + ', '.join(_ENCODINGS))
+    if name not in ENCODINGS:
+        raise ValueError(f'unknown image encoding {name!r}; valid are ' + ', '.join(ENCODINGS))
     if width <= 0 or height <= 0:
         raise ValueError(f'image size is {width} x {height}; both must be at least 1')
-    encoding = _ENCODINGS[name]
+    encoding = ENCODINGS[name]
     if min(width, height) < encoding.minimum_size:
         raise ValueError(
             f'image size is {width} x {height}, but {name} needs at least '

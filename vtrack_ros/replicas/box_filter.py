@@ -7,7 +7,6 @@ import numpy as np
 
 from vtrack_ros.estimation import (
     ConstantVelocity, GaussianNoise, ParticleFilter, PriorProposal, Proposal, spread_about)
-
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING

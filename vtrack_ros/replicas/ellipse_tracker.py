@@ -9,7 +9,8 @@ import numpy as np
 from vtrack_ros.appearance.ellipse_colours import EllipseColours
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.geometry.ellipse import axes_of_bandwidth, bounds_of_bandwidth, SIGMA, turned
+from vtrack_ros.geometry.ellipse import (
+    axes_of_bandwidth, bounded, bounds_of_bandwidth, SIGMA, turned)
 from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import fuse
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
@@ -199,7 +200,7 @@ class MeanShiftReplica(Tracker):
             self._colours = self._colours.updated(frame, self._center, self._matrix, rate)
 
     def _reshape(self, matrix: Array) -> None:
-        self._matrix = _bounded_frame(matrix, self._first)
+        self._matrix = bounded(matrix, self._first, (_SMALLEST, _LARGEST), _ASPECT)
         self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
 
     def _score(self, frame: Frame, centers: Array) -> Array:
@@ -293,19 +294,6 @@ class MeanShiftParticleReplica(MeanShiftReplica):
         # the particles' mean, weighted with their similarity [Yin2013, eq. 12]
         weights = scores[_CANDIDATES:] + 0.1
         return match, weights @ points / weights.sum()
-
-
-def _bounded_frame(matrix: Array, first: Array) -> Array:
-    """Return an ellipse's frame within bounds about the first one, which is diagonal."""
-    left, axes, right = np.linalg.svd(matrix)
-    reference = np.sort(first.diagonal())[::-1]
-    ratio = reference[0] / reference[1]
-    mean = math.sqrt(axes[0] * axes[1])
-    usual = math.sqrt(reference[0] * reference[1])
-    mean = min(max(mean, _SMALLEST * usual), _LARGEST * usual)
-    elongation = min(max(axes[0] / axes[1], max(ratio / _ASPECT, 1.0)), ratio * _ASPECT)
-    axes = mean * np.array([math.sqrt(elongation), 1 / math.sqrt(elongation)])
-    return (left * axes) @ right
 
 
 def _inside(center: Array, frame: Frame) -> Array:

@@ -127,11 +127,7 @@ class ParameterNode(Node):
     `settings` and `init_box` are what is in force, `session` has the trackers' own parameters;
     `on_change` is called with the names of what was changed, once it is in force.
 
-    Raises
-    ------
-    TypeError, ValueError, rclpy.exceptions.ParameterException
-        If a value from the command line or a file is wrong.
-
+    TypeError, ValueError or rclpy's ParameterException if a value given at the start is wrong.
     """
 
     def __init__(self, name: str, **arguments: Any) -> None:

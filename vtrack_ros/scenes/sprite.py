@@ -119,12 +119,7 @@ def _crossings(alpha: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def keyframes(*points: tuple[float, float]) -> Motion:
-    """
-    Return a smooth motion through (time, value) points; it doesn't overshoot.
-
-    Before the first and after the last point it rests.
-
-    """
+    """Return a smooth motion through (time, value) points, without overshoot; it rests outside."""
     times, values = zip(*points)
     curve = PchipInterpolator(times, values)
     return lambda time: float(curve(min(max(time, times[0]), times[-1])))

@@ -62,11 +62,10 @@ class View:
 
 @dataclass(frozen=True)
 class Actor:
-    """Something before the backdrop; place, look and brightness depend on the time in frames."""
+    """Something before the backdrop; place and look depend on the time in frames."""
 
     placement: Callable[[float], Placement]
     sprite: Callable[[float], Sprite]
-    brightness: Callable[[float], float] = field(default=lambda time: 1.0)
 
 
 @dataclass(frozen=True)
@@ -176,7 +175,6 @@ def _backdrop(scene: Scene, world_to_image: Affine) -> NDArray[np.float32]:
 def _lay(picture: NDArray[np.float32], scene: Scene, actor: Actor, time: float,
          half: float) -> None:
     sprite = actor.sprite(time)
-
     matrices = _exposure(lambda when: compose(
         _world_to_image(scene, when), actor.placement(when).matrix()), time, half)
     bounds = np.array([sprite.bounds(each) for each in matrices])
@@ -191,7 +189,7 @@ def _lay(picture: NDArray[np.float32], scene: Scene, actor: Actor, time: float,
     layer /= len(matrices)
     part = picture[top:bottom, left:right]
     part *= 1 - layer[..., 3:]
-    part += layer[..., :3] * np.float32(actor.brightness(time))
+    part += layer[..., :3]
 
 
 def _developed(scene: Scene, picture: NDArray[np.float32], time: float,

@@ -94,20 +94,8 @@ class TrackingSession:
     size ends the tracking: the session then has no target until it's started again. A stamp that
     stands still (a driver that doesn't stamp) counts as one frame interval.
 
-    Parameters
-    ----------
-    tracker : str
-        The tracker's name.
-    seed : int
-        The seed of every tracker that it makes.
-    parameters : mapping of str to mapping
-        Tracker name -> parameter name -> value; what's missing has its default.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If a name or a value is wrong.
-
+    The seed is that of every tracker that it makes, `parameters` are tracker name -> parameter
+    name -> value; what's missing has its default. TypeError or ValueError if one is wrong.
     """
 
     def __init__(self, tracker: str = 'gmpf', seed: int = 0,
@@ -182,13 +170,8 @@ class TrackingSession:
         Change the tracker or any tracker's parameters; in force from the next frame on.
 
         A changed parameter keeps the running tracker's memory; another tracker starts where the
-        target was last measured. A new seed is used from the next start on.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If a name or a value is wrong; then nothing is changed.
-
+        target was last measured. A new seed is used from the next start on. TypeError or
+        ValueError if a name or a value is wrong; then nothing is changed.
         """
         name = self._name if tracker is None else tracker
         seed = self._seed if seed is None else seed
