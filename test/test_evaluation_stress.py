@@ -115,7 +115,7 @@ def test_hidden_is_marked(square):
 
 
 def test_twin_passes_and_the_target_stays(square):
-    """Beside the square, which isn't covered, there is a second one for a while."""
+    """For a while there is a second square, which comes as near as it shall, not nearer."""
     made = stress(square, 'twin', 1.5)
     whole = 0
     for frame, box in zip(made.frames, made.truth.astype(int)):

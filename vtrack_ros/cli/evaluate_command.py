@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from vtrack_ros.bags import SequenceError
-from vtrack_ros.cli.arguments import positive_integer
+from vtrack_ros.cli.arguments import positive_integer, seed
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.evaluator import evaluate
@@ -16,6 +16,9 @@ from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.results_json import write_json
 from vtrack_ros.evaluation.sequences import (
     find_sequences, read_bag, scene_sequence, Sequence, uniquely_named)
+from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
+from vtrack_ros.evaluation.stress_results import evaluate_stress
+from vtrack_ros.evaluation.stress_table import influence_table, stress_json, stress_table
 from vtrack_ros.evaluation.table import sequence_table, summary_table
 from vtrack_ros.evaluation.tracker_specification import parse_trackers
 from vtrack_ros.scenes import scene_names
@@ -24,6 +27,8 @@ EXAMPLES = """examples:
   vtrack evaluate --bags bags/face_fast my_bag --trackers all
   vtrack evaluate --sequences DIR --trackers pf,gmpf --seeds 5 --html report.html
   vtrack evaluate --sequences DIR --trackers gmpf,gmpf:particles=400,gmpf_paper --json out.json
+  vtrack evaluate --bags my_bag --stress --html report.html
+  vtrack evaluate --sequences DIR --stress rate,gaps,hidden --trackers gmpf
   vtrack evaluate --sequences DIR --seeds 20 --backend dask --scheduler tcp://host:8786
 
 The exit code is 1 where a sequence was skipped because something is wrong with it."""
@@ -45,6 +50,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='scenes as vtrack synth renders them, or all')
     parser.add_argument('--seeds', type=positive_integer, default=1, metavar='K',
                         help='how many seeds, from 0 on (default 1)')
+    parser.add_argument('--stress', nargs='?', const='all', metavar='A,B,...',
+                        help='also make it harder, in three severities of each kind of stress: '
+                        + ', '.join(STRESS_KINDS) + ' (default: all of them)')
+    parser.add_argument('--stress-seed', type=seed, default=0, metavar='N',
+                        help='of the randomness in the stress (default 0)')
     parser.add_argument('--jobs', type=positive_integer, metavar='J',
                         help='how many processes (default: as many as there are processors)')
     parser.add_argument('--backend', choices=('processes', 'dask'), default='processes',
@@ -65,23 +75,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate and print; return 1 where something is wrong with a sequence or a run, else 0."""
     trackers = parse_trackers(arguments.trackers)
+    kinds = None if arguments.stress is None else stress_kinds(arguments.stress)
     sequences, problems = _sequences(arguments)
     for problem in problems:
         print(f'skipped: {problem}', file=sys.stderr)
     with _workers(arguments):
-        results = evaluate(
-            trackers, sequences, arguments.seeds, arguments.jobs, ProgressBar('runs'),
-            None if arguments.no_cache else RunCache(arguments.cache))
+        cache = None if arguments.no_cache else RunCache(arguments.cache)
+        stress = None
+        if kinds is None:
+            results = evaluate(trackers, sequences, arguments.seeds, arguments.jobs,
+                               ProgressBar('runs'), cache)
+        else:
+            stress = evaluate_stress(trackers, sequences, kinds, arguments.seeds, arguments.jobs,
+                                     ProgressBar('runs'), cache, arguments.stress_seed)
+            results = stress.plain
     for problem in results.problems:
         print(f'failed: {problem}', file=sys.stderr)
     results.problems = [*problems, *results.problems]
     if results.summary:
         _print(results)
+        if stress is not None:
+            print(f'\n{stress_table(stress)}\n\n{influence_table(stress)}')
     if arguments.json:
-        write_json(results, arguments.json)
+        write_json(results, arguments.json,
+                   {} if stress is None else {'stress': stress_json(stress)})
     if arguments.html:
         from vtrack_ros.evaluation.report import html_page
-        arguments.html.write_text(html_page(results), encoding='utf-8')
+        arguments.html.write_text(html_page(results, stress), encoding='utf-8')
     return 1 if results.problems else 0
 
 

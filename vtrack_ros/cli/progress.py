@@ -31,6 +31,7 @@ class ProgressBar:
             self._bar.refresh()
         if done == total:
             self._bar.close()
+            self._bar = None
 
 
 def with_progress(items: Iterable[Item], total: int | None, unit: str) -> Iterator[Item]:

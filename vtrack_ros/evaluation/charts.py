@@ -41,21 +41,27 @@ def colour(index: int) -> str:
 
 def line_chart(curves: Iterable[Curve], x_label: str, y_label: str, *, width: int = 460,
                height: int = 300, y_top: float | None = None,
-               shaded: Iterable[tuple[float, float]] = ()) -> str:
+               shaded: Iterable[tuple[float, float]] = (),
+               x_ticks: Mapping[float, str] | None = None, legend: bool = False) -> str:
     """
     Return a chart of curves, `width` by `height` pixels large.
 
     The y axis begins at 0 and ends at `y_top`, by default beyond the highest value; `shaded` are
-    ranges of x.
+    ranges of x, `x_ticks` what stands at which x. With a `legend` it can stand alone.
     """
     with rc_context(_STYLE):
         figure, axes = _axes(width, height, (52, 40, 10, 8))
         for begin, end in shaded:
             axes.axvspan(begin, end, color='#9aa4b0', alpha=0.25, linewidth=1)
         for curve in curves:
-            axes.plot(curve.x, curve.y, color=curve.color, clip_on=False, gid=f'tip:{curve.label}')
+            axes.plot(curve.x, curve.y, color=curve.color, clip_on=False, label=curve.label,
+                      gid=f'tip:{curve.label}')
         axes.margins(x=0)
         axes.set_ylim(0, y_top)
+        if x_ticks is not None:
+            axes.set_xticks(list(x_ticks), list(x_ticks.values()))
+        if legend:
+            axes.legend(frameon=False, fontsize=9, loc='lower left')
         axes.grid(axis='y')
         axes.set_xlabel(x_label)
         axes.set_ylabel(y_label)

@@ -70,7 +70,7 @@ def doubled(frame: Frame, box: Array, offset: Array) -> Frame:
     """
     Return a frame with a twin of what a box, shape (4,), shows, `offset` pixels (x, y) away.
 
-    The twin is an ellipse that fades at its rim, and passes behind the original.
+    The twin is an ellipse that fades at its rim; where they meet it's in front.
     """
     x0, y0 = (math.floor(value) for value in box[:2])
     x1, y1 = (math.ceil(value) for value in box[:2] + box[2:])
@@ -83,8 +83,7 @@ def doubled(frame: Frame, box: Array, offset: Array) -> Frame:
     if target is None:
         return frame
     left, top, right, bottom = target
-    alpha = (_ellipse(box, left - dx, top - dy, right - dx, bottom - dy)
-             * (1 - _ellipse(box, left, top, right, bottom)))
+    alpha = _ellipse(box, left - dx, top - dy, right - dx, bottom - dy)
     if frame.ndim == 3:
         alpha = alpha[..., None]
     twin = frame[top - dy:bottom - dy, left - dx:right - dx]

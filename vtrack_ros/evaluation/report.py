@@ -20,6 +20,8 @@ from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import Run
 from vtrack_ros.evaluation.scoring import FIGURES
 from vtrack_ros.evaluation.sequences import Sequence
+from vtrack_ros.evaluation.stress_report import stress_section
+from vtrack_ros.evaluation.stress_results import StressResults
 from vtrack_ros.evaluation.table import number_text, ranked
 from vtrack_ros.frame import Frame
 
@@ -85,8 +87,8 @@ def _candidates(overlap: NDArray[np.float64]) -> list[int]:
     return [begin for begin, _ in losses] + [int(index) for index in least]
 
 
-def html_page(results: Results) -> str:
-    """Return the page; it refers to nothing outside itself."""
+def html_page(results: Results, stress: StressResults | None = None) -> str:
+    """Return the page, with what stress did where that is given; it refers to nothing outside."""
     rows = ranked(results)
     colors = {label: colour(index) for index, label in enumerate(rows)}
     template = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -105,6 +107,7 @@ def html_page(results: Results) -> str:
             for name, row in results.by_sequence.items() if row}, colors)}
     return template.render(
         results=results, environment=environment(), colors=colors, figures=FIGURES, charts=charts,
+        stress=None if stress is None else stress_section(stress, colors),
         tables={question: _table(rows, keys) for question, keys in _QUESTIONS.items()},
         auc={label: number_text(_value(row, 'auc'), 'auc') for label, row in rows.items()},
         sequences=[_sequence(results, sequence, colors) for sequence in results.sequences.values()

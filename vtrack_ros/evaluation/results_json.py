@@ -1,5 +1,6 @@
 """Results as JSON, with the machine, versions and date of the measurement."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import datetime, UTC
 import json
@@ -60,9 +61,10 @@ def as_json(results: Results) -> dict[str, Any]:
     }
 
 
-def write_json(results: Results, path: Path) -> None:
-    """Write `as_json` to a file."""
-    text = json.dumps(as_json(results), indent=1, allow_nan=False, ensure_ascii=False)
+def write_json(results: Results, path: Path, more: Mapping[str, Any] | None = None) -> None:
+    """Write `as_json`, and more of it by key, to a file."""
+    content = {**as_json(results), **(more or {})}
+    text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     path.write_text(text + '\n', encoding='utf-8')
 
 

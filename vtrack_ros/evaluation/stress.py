@@ -81,8 +81,15 @@ class StressedSequence(Sequence):
         return _planned(self.original, self.kind, self.severity, self.seed, self.size)
 
 
-def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int = 0,
-                      content: str = '') -> StressedSequence:
+def frame_size(sequence: Sequence) -> tuple[int, int]:
+    """Return width and height of a sequence's first frame; SequenceError if it can't be read."""
+    height, width = next(iter(sequence.frames())).shape[:2]
+    return width, height
+
+
+def stressed_sequence(
+        sequence: Sequence, kind: str, severity: float, seed: int = 0,
+        size: tuple[int, int] | None = None, content: str = '') -> StressedSequence:
     """
     Return a sequence under stress, named as it with kind and severity.
 
@@ -97,8 +104,10 @@ def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int 
     seed : int
         Of the randomness, with the sequence's name and the kind; that of all severities is the
         same.
+    size : (int, int), [px], optional
+        The original's `frame_size`, where it's known already.
     content : str
-        The original's fingerprint, where it's known already.
+        Its fingerprint, where that is known already.
 
     Raises
     ------
@@ -108,8 +117,7 @@ def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int 
         If the first frame can't be read.
 
     """
-    height, width = next(iter(sequence.frames())).shape[:2]
-    size = width, height
+    size = size or frame_size(sequence)
     plan, _ = _planned(sequence, kind, severity, seed, size)
     truth = np.where(plan.visible[:, None], plan.truth, np.nan)
     return StressedSequence(f'{sequence.name} ({kind} {severity:g})', truth, sequence, kind,

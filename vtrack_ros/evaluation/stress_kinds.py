@@ -96,11 +96,11 @@ def _hidden(footage: Footage, severity: float, rng: np.random.Generator) -> Stre
                 during = boxes[index:index + length + 2 * _SLIDE]
                 wide, high = np.ceil(2 + 1.2 * during[:, 2:].max(axis=0)).astype(int).tolist()
                 piece = change.surroundings(frame, boxes[index], (wide, high), rng)
-                side = rng.choice([-1.0, 1.0])
+                side = float(rng.choice([-1.0, 1.0]))
             if cover[index]:
-                center, width = boxes[index, :2] + boxes[index, 2:] / 2, boxes[index, 2]
+                center, width = boxes[index, :2] + boxes[index, 2:] / 2, float(boxes[index, 2])
                 away = 0.0 if cover[index] == 1 else (
-                    (piece.shape[1] - width) / 2 + (1 - cover[index]) * width)
+                    (piece.shape[1] - width) / 2 + (1 - float(cover[index])) * width)
                 frame = change.covered(frame, piece, center + [side * away, 0])
             yield frame
 
@@ -174,8 +174,8 @@ _ALL = (
     StressKind('hidden', (10, 30, 60), 'frames hidden',
                f'a piece of the surroundings covers the whole target, {_SEEN} frames of sight in '
                'between', _hidden),
-    StressKind('twin', (1.5, 1.0, 0.6), 'nearest [sizes]',
-               "the target's own look passes by, behind it", _twin),
+    StressKind('twin', (0.6, 0.4, 0.2), 'nearest [sizes]',
+               "the target's own look passes by, in front of it", _twin),
     StressKind('light', (1.5, 2.25, 3.5), 'darker by a factor of',
                'every 20 to 40 frames the light falls in one step, unevenly, or is back', _light),
     StressKind('blur', (0.1, 0.2, 0.4), 'length [sides]',

@@ -1,0 +1,104 @@
+"""Trackers under stress: what the command prints and writes, and what a filter changed."""
+
+import json
+
+from evaluation_material import write_sequence
+import numpy as np
+import pytest
+
+from vtrack_ros.cli.command_line import main
+from vtrack_ros.evaluation import evaluate, parse_tracker
+from vtrack_ros.evaluation.results import Results
+from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.evaluation.sequences import read_folder
+from vtrack_ros.evaluation.stress_results import evaluate_stress, StressResults
+
+
+@pytest.fixture(scope='module')
+def square(tmp_path_factory):
+    """Return a sequence of a red square, 8 frames long."""
+    return read_folder(write_sequence(tmp_path_factory.mktemp('stress') / 'Square', 8))[0]
+
+
+def boxes_run(boxes):
+    """Return a run that said these boxes."""
+    count = len(boxes)
+    return Run(np.array(boxes, dtype=float), np.zeros((count, 2, 2)), np.ones(count),
+               np.ones(count, dtype=bool), np.ones(count - 1), np.ones(count - 1))
+
+
+def test_command(square, tmp_path, capsys):
+    """The tables are printed, the page has a chart of each kind, and JSON the figures."""
+    words = ['evaluate', '--sequences', str(square.images[0].parent.parent), '--trackers', 'pf',
+             '--stress', 'rate,shake,particles', '--jobs', '1', '--cache', str(tmp_path / 'cache'),
+             '--json', str(tmp_path / 'a.json'), '--html', str(tmp_path / 'a.html')]
+    assert main(words) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ['AUC', 'under', 'stress', 'pf', 'dcf'] in lines
+    assert ['other', 'than', 'dcf', 'pf'] in lines
+    names = [' '.join(line[:2]) for line in lines]
+    assert {'rate 2', 'rate 5', 'shake 0.3', 'shake 1', 'particles 10'} <= set(names)
+    content = json.loads((tmp_path / 'a.json').read_text())
+    shake = content['stress']['kinds']['shake']
+    assert shake['severities'] == [0.3, 0.6, 1.0]
+    assert shake['auc']['pf'][0] == content['summary']['pf']['auc']
+    assert all(0 <= value <= 1 for value in shake['auc']['dcf'])
+    assert set(shake['changed']['pf']) == {'share', 'distance', 'gain'}
+    mean = np.mean([kind['auc']['pf'][1:] for kind in content['stress']['kinds'].values()])
+    assert content['stress']['mean_auc']['pf'] == pytest.approx(mean)
+    assert content['stress']['sequences']['Square (rate 5)']['pf'] > 0
+    page = (tmp_path / 'a.html').read_text()
+    for word in ('Under stress', 'every n-th frame', 'up to [sides]', 'Where the filter'):
+        assert word in page
+
+    assert main(words) == 0
+    assert 'times cached' in capsys.readouterr().out
+    again = json.loads((tmp_path / 'a.json').read_text())
+    assert again['stress'] == content['stress']
+    main([*words, '--stress-seed', '1'])
+    other = json.loads((tmp_path / 'a.json').read_text())['stress']
+    assert other['kinds']['rate'] == content['stress']['kinds']['rate']
+    assert other['kinds']['shake']['changed'] != shake['changed'] or (
+        other['kinds']['shake']['auc'] != shake['auc'])
+
+
+def test_particles(square):
+    """Trackers that have particles run with fewer; the others as they are."""
+    stress = evaluate_stress(['pf'], [square], ['particles'], jobs=0)
+    level = stress.of_kind('particles')[10]
+    direct = evaluate(['pf:particles=10', 'dcf'], [square], jobs=0)
+    for label, text in (('pf', 'pf:particles=10'), ('dcf', 'dcf')):
+        np.testing.assert_array_equal(level.runs('Square', label)[0].boxes,
+                                      direct.runs('Square', text)[0].boxes)
+    assert not stress.plain.problems
+
+
+def test_influence(square):
+    """Two of seven frames are elsewhere, by half a side; half of the box less is on target."""
+    results = Results([square], [parse_tracker('pf'), parse_tracker('dcf')], (0,))
+    apart = square.truth.copy()
+    apart[[0, 3], 0] += 12
+    apart[5, 1] -= 12
+    apart[6, 0] += 1
+    results.add('Square', 'dcf', 0, boxes_run(square.truth))
+    results.add('Square', 'pf', 0, boxes_run(apart))
+    found = StressResults(results, {('shake', 0.3): results}, 0).influence('shake', 'pf')
+    assert found.share == pytest.approx(2 / 7)
+    assert found.distance == pytest.approx(0.5)
+    assert found.gain == pytest.approx(1 / 3 - 1)
+
+
+def test_broken_sequence_is_skipped(square, tmp_path):
+    """One whose first image can't be read is named, and the others go on."""
+    torn = read_folder(write_sequence(tmp_path / 'Torn', 3))[0]
+    torn.images[0].write_bytes(b'torn')
+    stress = evaluate_stress(['dcf'], [torn, square], ['rate'], jobs=0)
+    assert [problem.sequence for problem in stress.plain.problems] == ['Torn']
+    assert stress.auc('rate', 'dcf')[1] > 0
+
+
+def test_wrong_kind(square, capsys):
+    """An unknown kind ends with 2, and the valid ones are listed."""
+    folder = str(square.images[0].parent.parent)
+    assert main(['evaluate', '--sequences', folder, '--stress', 'rain']) == 2
+    assert "unknown kind of stress 'rain'; valid are all, rate, gaps" in capsys.readouterr().err

@@ -1,0 +1,83 @@
+"""Stress and what it did to the trackers, as text for a terminal and as JSON."""
+
+import math
+from typing import Any
+
+from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
+from vtrack_ros.evaluation.stress_results import REFERENCE, StressResults
+from vtrack_ros.evaluation.table import aligned, number_text
+
+
+def stress_table(stress: StressResults) -> str:
+    """Return the AUC of each tracker at each severity, and below the mean of all kinds."""
+    trackers = list(stress.plain.summary)
+    rows = [['AUC under stress', *trackers]]
+    rows.append(['plain', *(number_text(_auc(stress, tracker), 'auc') for tracker in trackers)])
+    for kind, severity in stress.levels:
+        place = 1 + list(stress.of_kind(kind)).index(severity)
+        rows.append([f'{kind} {severity:g}', *(
+            number_text(stress.auc(kind, tracker)[place], 'auc') for tracker in trackers)])
+    rows.append(['mean of the kinds', *(
+        number_text(stress.means[tracker], 'auc') for tracker in trackers)])
+    return aligned(rows)
+
+
+def influence_table(stress: StressResults) -> str:
+    """Return in which share of the frames a tracker's box isn't that of `dcf`, and its merit."""
+    return aligned(influence_rows(stress))
+
+
+def stress_json(stress: StressResults) -> dict[str, Any]:
+    """
+    Return the figures of stress as what JSON can hold; one that doesn't exist is null.
+
+    `kinds` has for each kind its severities, the AUC of each tracker by severity, first `plain`,
+    and what each changed (`FilterInfluence`); `sequences` has name under stress -> tracker -> AUC.
+    """
+    trackers = list(stress.plain.trackers)
+    return {
+        'seed': stress.seed,
+        'mean_auc': {tracker: _finite(stress.means[tracker]) for tracker in trackers},
+        'kinds': {kind: {
+            'description': STRESS_KINDS[kind].description,
+            'unit': STRESS_KINDS[kind].unit,
+            'severities': list(stress.of_kind(kind)),
+            'auc': {tracker: list(map(_finite, stress.auc(kind, tracker)))
+                    for tracker in trackers},
+            'changed': {tracker: _influence_json(stress, kind, tracker) for tracker in trackers
+                        if tracker != REFERENCE},
+        } for kind in stress.kinds},
+        'changed': {tracker: _influence_json(stress, None, tracker) for tracker in trackers
+                    if tracker != REFERENCE},
+        'sequences': {name: {tracker: _finite(scores['auc']) for tracker, scores in row.items()}
+                      for level in stress.levels.values()
+                      for name, row in level.by_sequence.items()},
+    }
+
+
+def influence_rows(stress: StressResults) -> list[list[str]]:
+    """Return the rows of `influence_table`, the head first."""
+    trackers = [tracker for tracker in stress.plain.summary if tracker != REFERENCE]
+    rows = [[f'other than {REFERENCE}', *trackers]]
+    for kind in (None, *stress.kinds):
+        cells = []
+        for tracker in trackers:
+            found = stress.influence(kind, tracker)
+            gain = '' if math.isnan(found.gain) else f' {found.gain:+.3f}'
+            cells.append('-' if math.isnan(found.share) else f'{100 * found.share:.1f} %{gain}')
+        rows.append([kind or 'plain', *cells])
+    return rows
+
+
+def _influence_json(stress: StressResults, kind: str | None, tracker: str) -> dict[str, Any]:
+    found = stress.influence(kind, tracker)
+    return {'share': _finite(found.share), 'distance': _finite(found.distance),
+            'gain': _finite(found.gain)}
+
+
+def _auc(stress: StressResults, tracker: str) -> float:
+    return stress.plain.summary[tracker]['auc']
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
