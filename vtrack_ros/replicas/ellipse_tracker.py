@@ -23,10 +23,8 @@ _LOCAL_FRAMES = 10
 _CANDIDATES = 20
 #: At most so many samples of a frame are searched for blobs, and so many blobs are matched.
 _SAMPLES, _BLOBS = 20000, 12
-#: Range of the axes' mean, relative to the first one.
-_SMALLEST, _LARGEST = 0.3, 4.0
-#: The ratio of the axes changes by at most this factor in all.
-_ASPECT = 1.6
+#: Range of the axes' mean, relative to the first one, and the factor by which their ratio changes.
+_SIZES, _ASPECT = (0.3, 4.0), 1.6
 #: Share of the measured change of form that is taken in one frame, where the target shares no
 #: colour with its surroundings.
 _GAIN = 0.4
@@ -187,21 +185,19 @@ class MeanShiftReplica(Tracker):
     def _adapt(self, frame: Frame, zeta: float) -> None:
         """Let bandwidth and colours follow the target, within bounds."""
         growth, rate = float(self._parameters['growth']), float(self._parameters['learning'])
+        center, matrix = self._center, self._matrix
         if self._as_printed:
-            self._reshape(self._matrix @ self._colours.printed_growth(
-                frame, self._center, self._matrix))
+            matrix = matrix @ self._colours.printed_growth(frame, center, matrix)
         elif growth and zeta >= (self._rejected + self._accepted) / 2:
-            values, vectors = np.linalg.eigh(
-                self._colours.growth(frame, self._center, self._matrix))
+            values, vectors = np.linalg.eigh(self._colours.growth(frame, center, matrix))
             gain = _GAIN * self._colours.separation**2
             values = np.clip(values**gain, 1 / (1 + growth), 1 + growth)
-            self._reshape(self._matrix @ (vectors * values) @ vectors.T)
+            matrix = matrix @ (vectors * values) @ vectors.T
+        if matrix is not self._matrix:
+            self._matrix = bounded(matrix, self._first, _SIZES, _ASPECT)
+            self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
         if rate and zeta >= self._accepted:
-            self._colours = self._colours.updated(frame, self._center, self._matrix, rate)
-
-    def _reshape(self, matrix: Array) -> None:
-        self._matrix = bounded(matrix, self._first, (_SMALLEST, _LARGEST), _ASPECT)
-        self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
+            self._colours = self._colours.updated(frame, center, self._matrix, rate)
 
     def _score(self, frame: Frame, centers: Array) -> Array:
         return self._colours.coefficients(frame, centers, self._matrix)
