@@ -47,7 +47,9 @@ def test_truth_bounds_what_the_target_changes(name, time, size):
     target = bare.actors[bare.target]
     pictures = []
     for gain in (0.0, 1.0):
-        actors = (*bare.actors[:-1], replace(target, brightness=lambda _, gain=gain: gain))
+        sprite = target.sprite(time)
+        lit = replace(sprite, pixels=sprite.pixels * np.float32([gain, gain, gain, 1]))
+        actors = (*bare.actors[:-1], replace(target, sprite=lambda _, lit=lit: lit))
         shot = next(film(replace(bare, actors=actors), iter([time]), np.random.default_rng(0)))
         pictures.append(shot.frame.astype(int))
     change = (pictures[1] - pictures[0]).max(axis=2)
