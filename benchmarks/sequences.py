@@ -13,6 +13,7 @@ from pathlib import Path
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 from result_files import write_json
 
 from vtrack_ros.cli.progress import ProgressBar
@@ -62,7 +63,11 @@ def difference(results: Results, tracker: str, other: str) -> tuple[float, float
 
     """
     rows = [row for row in results.by_sequence.values() if tracker in row and other in row]
-    gaps = np.array([row[tracker]['auc'] - row[other]['auc'] for row in rows])
+    return interval(np.array([row[tracker]['auc'] - row[other]['auc'] for row in rows]))
+
+
+def interval(gaps: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return the mean of one value for each target, and its 95 % bootstrap interval."""
     draws = np.random.default_rng(0).integers(0, len(gaps), (10000, len(gaps)))
     low, high = np.percentile(gaps[draws].mean(axis=1), [2.5, 97.5])
     return float(gaps.mean()), float(low), float(high)

@@ -166,3 +166,13 @@ def test_wrong_stress(square, kind, severity, message):
     """What is wrong is said, and what is valid."""
     with pytest.raises(ValueError, match=message):
         stress(square, kind, severity)
+
+
+def test_manual_names_every_kind(repository):
+    """Every kind of stress has its row in the manual, with its severities."""
+    manual = (repository / 'docs' / 'evaluate.md').read_text()
+    rows = {line.split('|')[1].strip(' `'): line.split('|')[3]
+            for line in manual.splitlines() if line.startswith('| `') and line.count('|') == 4}
+    for name, kind in STRESS_KINDS.items():
+        for severity in kind.severities:
+            assert f'{severity:g}' in rows[name]

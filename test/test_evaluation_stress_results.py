@@ -31,8 +31,8 @@ def test_command(square, tmp_path, capsys):
     """The tables are printed, the page has a chart of each kind, and JSON the figures."""
     words = ['evaluate', '--sequences', str(square.images[0].parent.parent), '--trackers', 'pf',
              '--stress', 'rate,shake,particles', '--jobs', '1', '--cache', str(tmp_path / 'cache'),
-             '--json', str(tmp_path / 'a.json'), '--html', str(tmp_path / 'a.html')]
-    assert main(words) == 0
+             '--json', str(tmp_path / 'a.json')]
+    assert main([*words, '--html', str(tmp_path / 'a.html')]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ['AUC', 'under', 'stress', 'pf', 'dcf'] in lines
     assert ['other', 'than', 'dcf', 'pf'] in lines
@@ -71,6 +71,24 @@ def test_particles(square):
         np.testing.assert_array_equal(level.runs('Square', label)[0].boxes,
                                       direct.runs('Square', text)[0].boxes)
     assert not stress.plain.problems
+
+
+def test_decoded_once(square):
+    """Each process decodes a video once for all trackers and severities that have its length."""
+    decoded = []
+
+    class Counted(type(square)):
+        """The sequence, counting."""
+
+        def frames(self):
+            """Count, and decode."""
+            for frame in super().frames():
+                decoded.append(frame)
+                yield frame
+
+    counted = Counted(square.name, square.truth, square.images)
+    evaluate_stress(['dcf'], [counted], ['shake', 'noise'], jobs=0)
+    assert len(decoded) <= 8 + 1
 
 
 def test_influence(square):

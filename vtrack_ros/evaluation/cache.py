@@ -28,17 +28,22 @@ def default_folder() -> Path:
     return Path(base) / 'vtrack_ros' / 'runs'
 
 
-def run_key(tracker: TrackerSpecification, fingerprint: str, seed: int) -> str:
+def tracker_source(tracker: TrackerSpecification) -> str:
+    """Return the hash of the source that a tracker and its runs are made of."""
+    return source_hash(tracker.tracker_class.__module__, _RUNNER)
+
+
+def run_key(tracker: TrackerSpecification, source: str, fingerprint: str, seed: int) -> str:
     """
     Return the hash of all that a run depends on.
 
-    The tracker's name and all its parameters, the source that it's made of, the sequence's
-    content, the seed, and the versions of NumPy and OpenCV.
+    The tracker's name and all its parameters, the source that it's made of (`tracker_source`), the
+    sequence's content, the seed, and the versions of NumPy and OpenCV.
     """
     parts = {
         'tracker': tracker.name,
         'parameters': {**tracker.tracker_class.PARAMETERS.defaults(), **dict(tracker.parameters)},
-        'source': source_hash(tracker.tracker_class.__module__, _RUNNER),
+        'source': source,
         'sequence': fingerprint,
         'seed': seed,
         'numpy': np.__version__,

@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 from vtrack_ros.bags.errors import SequenceError
-from vtrack_ros.evaluation.cache import run_key, RunCache
+from vtrack_ros.evaluation.cache import run_key, RunCache, tracker_source
 from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.runner import one_thread, Run, run_tracker
 from vtrack_ros.evaluation.sequences import find_sequences, Sequence, uniquely_named
+from vtrack_ros.evaluation.stress import StressedSequence
 from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
 from vtrack_ros.frame import Frame
 
@@ -66,6 +67,7 @@ def evaluate(
     results = Results(found, chosen, numbers)
     results.problems.extend(Problem(name, '', text) for name, text in broken.items())
     fingerprints = {} if cache is None else {one.name: one.fingerprint() for one in found}
+    sources = {} if cache is None else {one.label: tracker_source(one) for one in chosen}
     keys: dict[tuple[str, str, int], str] = {}
     tasks, done = [], 0
     for sequence, tracker in product(found, chosen):
@@ -73,7 +75,7 @@ def evaluate(
         for seed in numbers[:1] if tracker.deterministic else numbers:
             run = None
             if cache is not None:
-                key = run_key(tracker, fingerprints[sequence.name], seed)
+                key = run_key(tracker, sources[tracker.label], fingerprints[sequence.name], seed)
                 keys[sequence.name, tracker.label, seed] = key
                 run = cache.get(key)
             if run is None:
@@ -91,11 +93,11 @@ def evaluate(
         if isinstance(outcome, str):
             results.problems.append(Problem(name, label, outcome))
         else:
+            # Not what was run while the source was changed.
+            keep = cache is not None and tracker_source(task.tracker) == sources[label]
             for seed, run in zip(task.seeds, outcome):
                 results.add(name, label, seed, run)
-                # Not what was run while the source was changed.
-                if cache is not None and keys[name, label, seed] == run_key(
-                        task.tracker, fingerprints[name], seed):
+                if cache is not None and keep:
                     cache.put(keys[name, label, seed], run)
         done += len(task.seeds)
         if progress is not None:
@@ -150,18 +152,32 @@ def run_task(task: Task, evaluation: str) -> list[Run] | str:
         return f'{type(error).__name__}: {error}'
 
 
-#: The last video's frames, in each process, by evaluation and video: files may change in between.
+#: The last video's frames, and those under stress made of them, in each process, by evaluation and
+#: video: files may change in between.
 _kept: dict[tuple[str, str], list[Frame]] = {}
 
 
 def _frames(sequence: Sequence, evaluation: str) -> Iterable[Frame]:
-    """Return the frames, decoded once for all runs on a video that isn't too large."""
+    """Return the frames, made once for all runs on a video that isn't too large."""
+    original = sequence.original if isinstance(sequence, StressedSequence) else sequence
+    for key in _kept.keys() - {(evaluation, one.video) for one in (original, sequence)}:
+        del _kept[key]
+    if not isinstance(sequence, StressedSequence):
+        return _made(sequence, evaluation, sequence.frames)
+    stressed = sequence.made_of
+    return _made(sequence, evaluation, lambda: stressed(
+        _made(original, evaluation, original.frames)))
+
+
+def _made(sequence: Sequence, evaluation: str,
+          make: Callable[[], Iterable[Frame]]) -> Iterable[Frame]:
+    """Return the frames that are kept, or make them, and keep them where there is room."""
     key = evaluation, sequence.video
     if key not in _kept:
-        _kept.clear()
-        stream = iter(sequence.frames())
+        stream = iter(make())
         first = next(stream)
-        if first.nbytes * len(sequence) > _KEPT_BYTES:
-            return sequence.frames()
+        room = _KEPT_BYTES - sum(frame.nbytes for frames in _kept.values() for frame in frames)
+        if first.nbytes * len(sequence) > room:
+            return chain([first], stream)
         _kept[key] = [first, *stream]
     return _kept[key]

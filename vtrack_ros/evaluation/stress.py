@@ -1,6 +1,6 @@
 """Sequences made harder by a kind of stress, a severity and a seed, the truth moved along."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 import hashlib
 from typing import NamedTuple
@@ -63,12 +63,15 @@ class StressedSequence(Sequence):
 
     def frames(self) -> Iterator[Frame]:
         """Make the frames one by one; errors as the original."""
+        return self.made_of(self.original.frames())
+
+    def made_of(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Make the frames of the original's frames, one by one."""
         plan, rng = self._plan()
         kept = set(plan.kept.tolist())
         last = int(plan.kept[-1])
-        left = (frame for index, frame in zip(range(last + 1), self.original.frames())
-                if index in kept)
-        return plan.frames(left, rng)
+        return plan.frames((frame for index, frame in zip(range(last + 1), frames)
+                            if index in kept), rng)
 
     def fingerprint(self) -> str:
         """Return a hash of the original, of what is done to it and by which source."""
