@@ -1,5 +1,6 @@
 """The command line: what it makes, and what it says to wrong arguments."""
 
+import io
 import os
 from pathlib import Path
 import signal
@@ -13,6 +14,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagReader, BagWriter  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
+from vtrack_ros.cli.progress import ProgressBar  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
 
 COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate')
@@ -227,6 +229,25 @@ def test_interrupted(tmp_path):
     assert 'Traceback' not in process.communicate(timeout=30)[1]
     assert process.returncode == 130
     assert list(tmp_path.iterdir()) == []
+
+
+def test_interrupted_at_the_first_line_of_progress(monkeypatch):
+    """A Ctrl-C that comes while the bar is being built isn't lost, and leaves no half bar."""
+    class Terminal(io.StringIO):
+
+        def write(self, text):
+            signal.raise_signal(signal.SIGINT)
+            return len(text)
+
+    failures, interrupted = [], False
+    monkeypatch.setattr(sys, 'unraisablehook', failures.append)
+    monkeypatch.setattr(sys, 'stderr', Terminal())
+    try:
+        ProgressBar('frames')(1, 10)
+    except KeyboardInterrupt:
+        # Not pytest.raises, which would keep the traceback, and with it the bar.
+        interrupted = True
+    assert interrupted and failures == []
 
 
 def test_closed_pipe():

@@ -1,7 +1,9 @@
 """A progress bar on a terminal, a line now and then in a log."""
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 import io
+import signal
 import sys
 from typing import Any, TypeVar
 
@@ -23,10 +25,12 @@ class ProgressBar:
         from tqdm import tqdm
         if self._bar is None:
             live = sys.stderr.isatty()
-            self._bar = tqdm(
-                total=total, initial=done, unit=f' {self._unit}', leave=live, dynamic_ncols=live,
-                mininterval=0.1 if live else _PAUSE, file=sys.stderr if live else _LogLines(),
-                bar_format=None if live else '{n_fmt}/{total_fmt}{unit}, {elapsed} < {remaining}')
+            with _interrupt_later():
+                self._bar = tqdm(
+                    total=total, initial=done, unit=f' {self._unit}', leave=live,
+                    dynamic_ncols=live, mininterval=0.1 if live else _PAUSE,
+                    file=sys.stderr if live else _LogLines(), bar_format=None if live else
+                    '{n_fmt}/{total_fmt}{unit}, {elapsed} < {remaining}')
         elif self._bar.update(done - self._bar.n) is None and done == total:
             self._bar.refresh()
         if done == total:
@@ -49,3 +53,16 @@ class _LogLines(io.StringIO):
         if line := text.strip():
             print(line, file=sys.stderr, flush=True)
         return len(text)
+
+
+@contextmanager
+def _interrupt_later() -> Iterator[None]:
+    """Have Ctrl-C wait: a bar that is only half built fails when it is cleared away."""
+    came: list[int] = []
+    earlier = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, earlier)
+        for number in came[:1]:
+            signal.raise_signal(number)
