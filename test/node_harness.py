@@ -10,6 +10,7 @@ import threading
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from forked_process import ForkedProcess
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import rclpy
@@ -39,19 +40,27 @@ END_WITH_PARENT = 'import ctypes, signal; ctypes.CDLL(None).prctl(1, signal.SIGK
 
 
 class NodeProcess:
-    """The node in a process of its own."""
+    """
+    The node in a process of its own.
 
-    def __init__(self, *arguments: str, entry: str = 'main', prelude: str = '',
+    With a prelude it loads all by itself, after it has executed that.
+    """
+
+    def __init__(self, *arguments: str, entry: str = 'main', prelude: str | None = None,
                  **parameters: object) -> None:
-        command = [sys.executable, '-c', f'{END_WITH_PARENT}\nimport sys; {prelude}\n'
-                   f'from vtrack_ros.ros.main import {entry}; sys.exit({entry}())',
-                   '--ros-args', *arguments]
+        words = ['--ros-args', *arguments]
         for name, value in parameters.items():
-            command += ['-p', f'{name.replace("__", ".")}:={value}']
+            words += ['-p', f'{name.replace("__", ".")}:={value}']
         self._lines: list[str] = []
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            env=with_profile(os.environ))
+        environment = with_profile(os.environ)
+        self.process: subprocess.Popen[str] | ForkedProcess
+        if prelude is None:
+            self.process = ForkedProcess('vtrack_ros.ros.main', entry, words, environment)
+        else:
+            self.process = subprocess.Popen(
+                [sys.executable, '-c', f'{END_WITH_PARENT}\nimport sys; {prelude}\n'
+                 f'from vtrack_ros.ros.main import {entry}; sys.exit({entry}())', *words],
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 

@@ -10,7 +10,7 @@ import pytest
 def test_signal_ends_it_cleanly(number):
     """In mid-stream a signal ends the node with code 0, and no traceback."""
     scene = Scene()
-    process = NodeProcess(init_box='[20, 30, 24, 24]')
+    process = NodeProcess(init_box='[20, 30, 24, 24]', prelude='')
     with Client() as client:
         client.ready()
         client.play(scene, range(3))
@@ -23,7 +23,7 @@ def test_signal_ends_it_cleanly(number):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signal_while_loading(number):
     """A signal that comes while ROS is being loaded ends it as cleanly."""
-    process = NodeProcess()
+    process = NodeProcess(prelude='')
     import time
     for _ in range(20):
         if process.process.poll() is not None:
