@@ -10,6 +10,7 @@ from __future__ import annotations
 import atexit
 from collections.abc import Sequence
 import ctypes
+from functools import cache
 import importlib
 import json
 import os
@@ -26,15 +27,11 @@ LOADED = ('vtrack_ros.ros.main', 'vtrack_ros.ros.tracker_node', 'vtrack_ros.ros.
 class ForkedProcess:
     """A process that runs a function without arguments and ends with its exit code."""
 
-    _server: socket.socket | None = None
-
     def __init__(self, module: str, function: str, arguments: Sequence[str],
                  environment: dict[str, str]) -> None:
-        if ForkedProcess._server is None:
-            ForkedProcess._server = _start_server()
         output, status = os.pipe(), os.pipe()
         request = json.dumps([module, function, list(arguments), environment])
-        socket.send_fds(ForkedProcess._server, [request.encode()], [output[1], status[1]])
+        socket.send_fds(_server(), [request.encode()], [output[1], status[1]])
         os.close(output[1])
         os.close(status[1])
         self.stdout: TextIO = os.fdopen(output[0])
@@ -68,7 +65,8 @@ class ForkedProcess:
         return self.returncode
 
 
-def _start_server() -> socket.socket:
+@cache
+def _server() -> socket.socket:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     process = subprocess.Popen([sys.executable, __file__, str(theirs.fileno())],
                                pass_fds=[theirs.fileno()])

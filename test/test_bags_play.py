@@ -24,6 +24,7 @@ from sensor_msgs.msg import Image  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 from vtrack_ros.bags import BagReader, messages  # noqa: E402
+from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.dds import VARIABLES  # noqa: E402
 from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
 
@@ -201,10 +202,16 @@ def test_signal_ends_it(repository):
     assert out.startswith('published')
 
 
-def test_nobody_listens(repository):
+def play_here(capfd, *arguments):
+    """Play in this process; return exit code, output and errors, ROS's too."""
+    code = main(['play', *map(str, arguments)])
+    return code, *capfd.readouterr()
+
+
+def test_nobody_listens(repository, capfd):
     """It's said, and the bag is played all the same."""
-    code, out, _ = finish(play(repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0.1,
-                               '--remap', 'image:=nobody/hears/this'))
+    code, out, _ = play_here(capfd, repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0.1,
+                             '--remap', 'image:=nobody/hears/this')
     assert code == 0
     assert 'nobody has subscribed' in out
     assert 'published 50 images' in out.splitlines()[-1]
@@ -228,22 +235,23 @@ def test_late_subscribers_get_what_was_latched(tmp_path):
     assert offered.qos_profile.durability == DurabilityPolicy.VOLATILE
 
 
-def test_exchanged_names(repository):
+def test_exchanged_names(repository, capfd):
     """Two topics can exchange their names; ROS is told nothing that makes it warn."""
-    code, out, err = finish(play(repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0,
-                                 '--remap', 'image:=truth', 'truth:=image'))
+    code, out, err = play_here(capfd, repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0,
+                               '--remap', 'image:=truth', 'truth:=image')
     assert code == 0 and err == ''
     assert '/truth: 50 sensor_msgs/msg/Image' in out
     assert '/image: 50 vision_msgs/msg/Detection2DArray' in out
 
 
-def test_recorded_name_that_ros_refuses(repository, tmp_path):
+def test_recorded_name_that_ros_refuses(tmp_path, capfd):
     """It's said in one line, and --remap is the way out."""
     path = latched_bag(tmp_path / 'bag', '/bad topic')
-    code, _, err = finish(play(path, '--wait', 0))
+    code, _, err = play_here(capfd, path, '--wait', 0)
     assert code == 2
     assert len(err.splitlines()) == 1 and "'/bad topic'" in err and '--remap' in err
-    code, out, err = finish(play(path, '--wait', 0, '--rate', 100, '--remap', '/bad topic:=good'))
+    code, out, err = play_here(capfd, path, '--wait', 0, '--rate', 100,
+                               '--remap', '/bad topic:=good')
     assert code == 0 and err == '' and '1 on /good' in out
 
 
@@ -252,8 +260,8 @@ def test_recorded_name_that_ros_refuses(repository, tmp_path):
     (['--remap', 'a=b'], 'FROM:=TO'), (['--remap', 'imgae:=camera'], '/image, /truth'),
     (['--remap', 'image:=bad topic'], "'/bad topic'"), (['--remap', 'image:=1'], "'/1'"),
     (['--remap', 'image:=truth'], '/truth')])
-def test_wrong_arguments(repository, arguments, words):
+def test_wrong_arguments(repository, arguments, words, capfd):
     """One line and exit code 2."""
-    code, out, err = finish(play(repository / 'bags' / 'face_fast', *arguments))
+    code, out, err = play_here(capfd, repository / 'bags' / 'face_fast', *arguments)
     assert code == 2
     assert len(err.splitlines()) == 1 and words in err

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+from bag_material import write_short_bag
 import cv2
 import numpy as np
 import pytest
@@ -80,20 +81,22 @@ def test_interrupted_while_it_loads(repository, tmp_path):
     assert 'Traceback' not in run.stderr, run.stderr
 
 
-def test_place_that_cannot_be(repository, tmp_path):
+def test_place_that_cannot_be(repository, tmp_path, capsys):
     """Pictures can't go into a file, and that's said before anything runs."""
     (tmp_path / 'file').write_text('mine')
-    run = demo(repository, '--out', tmp_path / 'file')
-    assert run.returncode == 2
-    assert len(run.stderr.splitlines()) == 1 and str(tmp_path / 'file') in run.stderr
-    assert 'Errno' not in run.stderr
+    assert main(['--out', str(tmp_path / 'file'),
+                 '--bag', str(repository / 'bags' / 'face_fast')]) == 2
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1 and str(tmp_path / 'file') in error
+    assert 'Errno' not in error
 
 
-def test_untracked_target_is_a_failure(repository, tmp_path):
+def test_untracked_target_is_a_failure(repository, tmp_path, capsys):
     """Whoever is told to follow something else than the target fails."""
-    run = demo(repository, '--out', tmp_path, '--init-box', '100,70,20,20')
-    assert run.returncode == 1
-    assert 'was not tracked' in run.stderr
+    bag = write_short_bag(tmp_path / 'bag', repository)
+    assert main(['--bag', str(bag), '--out', str(tmp_path / 'out'),
+                 '--init-box', '100,70,20,20']) == 1
+    assert 'was not tracked' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('arguments, words', [

@@ -114,9 +114,9 @@ def send_at(client, index):
     return client.send(SCENE.frame(index), 10**9 + STEP * index)
 
 
-def test_four_trackers_in_four_namespaces():
+def test_trackers_in_namespaces():
     """Side by side on one stream, each with its own target, and none with a stale answer."""
-    names = ['/a', '/b', '/c', '/d']
+    names = ['/a', '/b', '/c']
     processes, clients = [], []
     try:
         for name in names:
@@ -128,7 +128,8 @@ def test_four_trackers_in_four_namespaces():
                 client = Client(f'{name}/tracker', publish=None)
                 clients.append(client)
                 client.ready()
-            sender.until(lambda: camera.get_subscription_count() == 4, 'not all take images')
+            sender.until(lambda: camera.get_subscription_count() == len(names),
+                         'not all take images')
             for index in range(10):
                 message = image_message(SCENE.frame(index), 10**9 + STEP * index)
                 camera.publish(message)
@@ -177,7 +178,7 @@ def test_example_of_the_manual(repository):
     """The program that node.md shows points out a target, and prints its boxes."""
     text = (repository / 'docs' / 'node.md').read_text()
     program, = re.findall('```python\n(.*?)```', text, re.DOTALL)
-    scene = Scene(640, 480, 60)
+    scene = Scene(480, 360)
     with NodeProcess(), Client() as client:
         client.ready()
         example = subprocess.Popen(

@@ -1,8 +1,9 @@
 """Ending the node."""
 
 import signal
+import time
 
-from node_harness import Client, NodeProcess, Scene, STEP
+from node_harness import Client, NodeProcess, PATIENCE, Scene, STEP
 import pytest
 
 
@@ -24,14 +25,12 @@ def test_signal_ends_it_cleanly(number):
 def test_signal_while_loading(number):
     """A signal that comes while ROS is being loaded ends it as cleanly."""
     process = NodeProcess(prelude='')
-    import time
-    for _ in range(20):
-        if process.process.poll() is not None:
-            break
+    deadline = time.monotonic() + PATIENCE
+    while process.process.poll() is None and time.monotonic() < deadline:
         with open(f'/proc/{process.process.pid}/status') as status:
             caught = next(line for line in status if line.startswith('SigCgt')).split()[1]
         if int(caught, 16) >> (number - 1) & 1 and int(caught, 16) >> (signal.SIGTERM - 1) & 1:
             break
-        time.sleep(0.05)
+        time.sleep(0.01)
     assert process.stop(number) == 0, process.log
     assert 'Traceback' not in process.log

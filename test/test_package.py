@@ -68,7 +68,7 @@ def test_pip(repository: Path, tmp_path: Path) -> None:
     prefix = tmp_path / 'prefix'
     run(sys.executable, '-m', 'pip', '--disable-pip-version-check', '--no-input', '-q', 'install',
         '--prefix', prefix, '--ignore-installed', '--no-deps', '--no-build-isolation',
-        '--no-index', tmp_path / 'vtrack_ros', cwd=tmp_path)
+        '--no-compile', '--no-index', tmp_path / 'vtrack_ros', cwd=tmp_path)
     for name in EXECUTABLES:
         assert os.access(prefix / 'bin' / name, os.X_OK)
     share = prefix / 'share'

@@ -1,6 +1,7 @@
 """Scenes: the truth is exact, the stories are told, the same seed gives the same film."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 
 import numpy as np
@@ -18,10 +19,15 @@ OTHERS = {'scale_change', 'light_change', 'light_step', 'full_occlusion', 'leave
 
 def shots(name, times):
     """Return time -> frame of a scene at a quarter of its size."""
+    return dict(zip(times, film(quarter(name), iter(times), np.random.default_rng(0))))
+
+
+@cache
+def quarter(name):
+    """Return a scene at a quarter of its size; its textures are what takes long."""
     info = scene_info(name)
     view = View(info.width // 4, info.height // 4, info.width, info.height)
-    scene = info.make(view, np.random.default_rng(0))
-    return dict(zip(times, film(scene, iter(times), np.random.default_rng(0))))
+    return info.make(view, np.random.default_rng(0))
 
 
 def test_catalogue():
@@ -35,29 +41,29 @@ def test_catalogue():
     assert scene_info('football').frames >= 130
 
 
-@pytest.mark.parametrize('size, time', [((160, 120), 0), ((220, 130), 41)])
 @pytest.mark.parametrize('name', sorted(set(PAPERS) | OTHERS))
-def test_truth_bounds_what_the_target_changes(name, time, size):
+def test_truth_bounds_what_the_target_changes(name):
     """Where a picture changes with the target's brightness, there is the target: its bounds."""
-    info = scene_info(name)
+    info, size = scene_info(name), (220, 130)
     scene = info.make(View(*size, info.width, info.height), np.random.default_rng(5))
     # Nothing in front, no blur, no noise, even light.
     bare = replace(scene, actors=scene.actors[:scene.target + 1], light=Light(),
                    camera=replace(scene.camera, exposure=1e-6, noise=0, softness=0))
     target = bare.actors[bare.target]
-    pictures = []
+    films = []
     for gain in (0.0, 1.0):
-        sprite = target.sprite(time)
-        lit = replace(sprite, pixels=sprite.pixels * np.float32([gain, gain, gain, 1]))
-        actors = (*bare.actors[:-1], replace(target, sprite=lambda _, lit=lit: lit))
-        shot = next(film(replace(bare, actors=actors), iter([time]), np.random.default_rng(0)))
-        pictures.append(shot.frame.astype(int))
-    change = (pictures[1] - pictures[0]).max(axis=2)
-    rows, columns = np.flatnonzero(change.max(axis=1) > 8), np.flatnonzero(change.max(axis=0) > 8)
-    seen = shot.truth.clipped(*size)
-    measured = (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
-    expected = (seen.x, seen.y, seen.x + seen.width, seen.y + seen.height)
-    assert measured == pytest.approx(expected, abs=1.6)
+        def lit(time, gain=gain):
+            sprite = target.sprite(time)
+            return replace(sprite, pixels=sprite.pixels * np.float32([gain, gain, gain, 1]))
+        actors = (*bare.actors[:-1], replace(target, sprite=lit))
+        films.append(film(replace(bare, actors=actors), iter([0, 41]), np.random.default_rng(0)))
+    for dark, shot in zip(*films):
+        change = (shot.frame.astype(int) - dark.frame).max(axis=2)
+        rows, columns = (np.flatnonzero(change.max(axis=axis) > 8) for axis in (1, 0))
+        seen = shot.truth.clipped(*size)
+        measured = (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
+        expected = (seen.x, seen.y, seen.x + seen.width, seen.y + seen.height)
+        assert measured == pytest.approx(expected, abs=1.6)
 
 
 def test_truth_is_the_middle_of_the_exposure():
@@ -82,7 +88,7 @@ def test_size_scales_the_truth():
     assert wide.frame.shape == (60, 150, 3)
 
 
-@pytest.mark.parametrize('name', ['face_fast', 'low_light_noise', 'car_approach'])
+@pytest.mark.parametrize('name', ['low_light_noise', 'car_approach'])
 def test_seed(name):
     """The same seed gives the same film; another one another, with the same story."""
     one, same, other = (
@@ -142,13 +148,13 @@ def test_face_fast_is_fast():
     ('full_occlusion', 15, 30), ('leave_and_return', 30, 45)])
 def test_away_and_back(name, low, high):
     """The target is away for so many frames on end, and there before and after."""
-    story = range(0, scene_info(name).frames, 3)
+    story = range(0, scene_info(name).frames, 4)
     seen = shots(name, [float(time) for time in story])
     gone = [time for time in story if seen[time].truth is None]
-    assert gone == list(range(gone[0], gone[-1] + 1, 3))
-    assert low <= 3 * len(gone) <= high
+    assert gone == list(range(gone[0], gone[-1] + 1, 4))
+    assert low <= 4 * len(gone) <= high
     assert gone[0] > 40 and gone[-1] < story[-1] - 40
-    assert sum(frame.visibility == 0 for frame in seen.values()) > 3
+    assert sum(frame.visibility == 0 for frame in seen.values()) > 2
     for frame in seen.values():
         assert (frame.truth is None) == (frame.visibility < 0.1)
 

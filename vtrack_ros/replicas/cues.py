@@ -39,7 +39,7 @@ class BoxCues:
     Boxes are bounded softly, where the papers say nothing: sizes to a range about the first one,
     centres to the image, outside of which nothing is seen.
 
-    Boxes are rows (centre x, centre y, width, height), in px; `kernel` and `grid` are the colours'.
+    Boxes are rows (centre x, centre y, width, height), in px; the colours have `kernel`, `grid`.
     """
 
     def __init__(self, edges: bool, kernel: str, grid: int = 12) -> None:
