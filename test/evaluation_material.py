@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from vtrack_ros.evaluation import FolderSequence
+from vtrack_ros.evaluation.runner import Run
 
 SIZE = 24
 
@@ -47,6 +48,13 @@ def write_sequence(folder: Path, frames: int = 12, rows: list[str] | None = None
 def write_truth(folder: Path, rows: list[str], name: str = 'groundtruth_rect.txt') -> None:
     """Write a ground truth."""
     (folder / name).write_text('\n'.join(rows) + '\n')
+
+
+def boxes_run(boxes) -> Run:
+    """Return a run that said these boxes."""
+    count = len(boxes)
+    return Run(np.array(boxes, dtype=float), np.zeros((count, 2, 2)), np.ones(count),
+               np.ones(count, dtype=bool), np.ones(count - 1), np.ones(count - 1))
 
 
 class SignedSequence(FolderSequence):

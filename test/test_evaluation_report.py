@@ -3,13 +3,12 @@
 from html.parser import HTMLParser
 import re
 
-from evaluation_material import write_sequence
+from evaluation_material import boxes_run, write_sequence
 import numpy as np
 
 from vtrack_ros.evaluation import evaluate
 from vtrack_ros.evaluation.report import html_page, worst_frames
 from vtrack_ros.evaluation.results import Problem
-from vtrack_ros.evaluation.runner import Run
 
 VOID = {'meta', 'br', 'img', 'link', 'input'}
 
@@ -40,13 +39,6 @@ class Page(HTMLParser):
     def handle_endtag(self, tag):
         """Check that it closes the last one that's open."""
         assert self.open.pop() == tag
-
-
-def boxes_run(boxes):
-    """Return a run that said these boxes."""
-    count = len(boxes)
-    return Run(np.array(boxes, dtype=float), np.zeros((count, 2, 2)), np.ones(count),
-               np.ones(count, dtype=bool), np.ones(count - 1), np.ones(count - 1))
 
 
 def test_page_is_whole_and_refers_to_nothing(tmp_path):
