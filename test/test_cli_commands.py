@@ -227,7 +227,9 @@ def test_interrupted(tmp_path):
     assert 'frames' in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     assert 'Traceback' not in process.communicate(timeout=30)[1]
-    assert process.returncode == 130
+    # Where it comes in the midst of code that a library executes from a string, Python ends itself
+    # by the signal, though KeyboardInterrupt was caught: a shell says 130 of both.
+    assert process.returncode in (130, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
 
 

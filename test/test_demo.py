@@ -59,7 +59,8 @@ def test_interrupted(repository, tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     errors = process.communicate(timeout=60)[1]
     assert 'Traceback' not in errors, errors
-    assert process.returncode == 130
+    # By the signal itself where it comes in the midst of code from a string: 130 in a shell, too.
+    assert process.returncode in (130, -signal.SIGINT)
     assert not list(tmp_path.glob('*.mp4')) and not list(tmp_path.glob('*.png'))
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
