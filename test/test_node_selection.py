@@ -1,11 +1,14 @@
 """Pointing out the target: by detection, by region, by parameter, by a detector."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PointStamped
 from node_harness import Client, NodeProcess, overlap, Scene, STEP
 import pytest
 from sensor_msgs.msg import RegionOfInterest
 from std_srvs.srv import SetBool, Trigger
 from vision_msgs.msg import Detection2D, Detection2DArray, ObjectHypothesisWithPose
+
+from vtrack_ros.bags import BagReader
 
 START = 10 * 10**9
 
@@ -38,6 +41,7 @@ def client(process):
         client.ready()
         client.init = client.publisher('~/init', Detection2D)
         client.roi = client.publisher('~/init_roi', RegionOfInterest)
+        client.point = client.publisher('~/init_point', PointStamped)
         client.index = 0
         yield client
 
@@ -188,6 +192,61 @@ def test_wrong_roi_is_refused(client, process, region, told):
     """A region outside the image, or of no size, is refused."""
     rows = select(client, process, client.roi, RegionOfInterest(**region), told)
     assert not rows[-1][0].detections
+
+
+def point(x, y, stamp=0):
+    """Return a click."""
+    message = PointStamped()
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    message.point.x, message.point.y, message.point.z = float(x), float(y), 5.0
+    return message
+
+
+def test_click(client, process):
+    """A point with a stamp is on the frame of that stamp, and the extent is found there."""
+    play(client, 8)
+    drawn = client.index - 6
+    rows = select(client, process, client.point,
+                  point(*SCENE.box(drawn).center, START + STEP * drawn))
+    assert overlap(*rows[-1]) > 0.4
+
+
+def test_click_size(client, process):
+    """Where that fails, a click stands for a square of a given size."""
+    assert all(result.successful for result in client.change(click_size=18.0))
+    play(client)
+    x, y = SCENE.box(client.index).center
+    rows = select(client, process, client.point, point(x, y))
+    first = next(answer for answer, _ in rows if answer.detections).detections[0].bbox
+    assert (first.size_x, first.size_y) == (18.0, 18.0)
+    assert (first.center.position.x, first.center.position.y) == (x, y)
+    client.change(click_size=0.0)
+
+
+@pytest.mark.parametrize('x, y, told', [
+    (-3, 50, 'outside the image of 160 x 120'), (50, 120.5, 'outside the image'),
+    (float('nan'), 50, 'must be finite')])
+def test_wrong_click_is_refused(client, process, x, y, told):
+    """A point beside the image is refused with the reason."""
+    rows = select(client, process, client.point, point(x, y), f'~/init_point refused: the point '
+                  f'({x:g}, {y:g}) {told if "finite" in told else "is " + told}')
+    assert not rows[-1][0].detections
+
+
+def test_click_in_a_bag(client, process, repository):
+    """On a rendered face one click is enough to follow it."""
+    with BagReader(repository / 'bags' / 'face_fast') as bag:
+        truth = bag.truth()
+        frames = [stamped for _, stamped in zip(range(25), bag.frames())]
+    client.send(frames[0].frame, frames[0].stamp)
+    client.point.publish(point(*truth[frames[0].stamp].center, frames[0].stamp))
+    answers = [(client.send(one.frame, one.stamp), truth[one.stamp]) for one in frames[1:]]
+    for answer, box in answers[-5:]:
+        center = answer.detections[0].bbox.center.position
+        assert abs(center.x - box.center[0]) < box.width / 2
+        assert abs(center.y - box.center[1]) < box.height / 2
+    process.wait_for_log('~/init_point: started')
+    client.index += 1000
 
 
 def test_rotated_init_stands_for_its_bound(client, process):

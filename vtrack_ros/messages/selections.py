@@ -5,7 +5,7 @@ from typing import Any
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.messages.images import stamp_nanoseconds
-from vtrack_ros.session.selection import Selection
+from vtrack_ros.session.selection import Click, Selection
 
 
 def from_detection(message: Any, source: str) -> Selection:
@@ -37,6 +37,19 @@ def from_roi(message: Any, source: str) -> Selection:
     """Return the selection that a RegionOfInterest makes; ValueError if its size is zero."""
     box = Box(message.x_offset, message.y_offset, message.width, message.height)
     return Selection(box, source, clamp=True)
+
+
+def from_point(message: Any, size: float, source: str) -> Selection:
+    """
+    Return the selection that a PointStamped makes, x and y in pixels; ValueError if not finite.
+
+    `size` is the side of the square about it, in pixels; 0: the extent is found.
+    """
+    x, y = float(message.point.x), float(message.point.y)
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f'the point ({x:g}, {y:g}) must be finite')
+    stamp = stamp_nanoseconds(message.header.stamp)
+    return Selection(Click(x, y, size), source, stamp or None, clamp=True)
 
 
 def best_detection(message: Any, class_id: str, score: float, source: str) -> Selection | None:

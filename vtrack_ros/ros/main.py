@@ -15,7 +15,8 @@ HELP = """\
 usage: tracker [--ros-args [-r FROM:=TO]... [-p NAME:=VALUE]... [--params-file FILE]]
 
 Follows a target in sensor_msgs/Image and says where it is. Point at it with -p init_box:="[x, y,
-width, height]" in pixels of the first image, or on ~/init_roi or ~/init while the node runs.
+width, height]" in pixels of the first image, or on ~/init_roi, ~/init or ~/init_point
+while the node runs.
 
   tracker --ros-args -r image:=/camera/image_raw -p init_box:="[300, 200, 60, 80]"
 

@@ -40,6 +40,8 @@ NODE_PARAMETERS = ParameterTable([
               'target when there is none, or when it is lost.'),
     Parameter('init_class', '', 'The class of detections to start on; empty: any.'),
     Parameter('init_score', 0.5, 'The least score of a detection to start on.', 0.0, 1.0),
+    Parameter('click_size', 0.0, 'Side of the square that a point on ~/init_point stands for; '
+              "0: the target's extent is found about it.", 0.0, 10000.0, 'px'),
     Parameter('pose_units', 'auto', 'Units of the pose; auto: metres when a size of the target '
               'and camera_info are known, a ray at depth 1 with camera_info alone, else pixels.',
               choices=('auto', 'pixels', 'ray', 'metres')),

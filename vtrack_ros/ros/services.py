@@ -4,10 +4,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import RegionOfInterest
 from std_srvs.srv import SetBool, Trigger
 
-from vtrack_ros.messages.selections import best_detection, from_detection, from_roi
+from vtrack_ros.messages.selections import (
+    best_detection, from_detection, from_point, from_roi)
 from vtrack_ros.ros.message_types import MessageTypes
 from vtrack_ros.ros.parameter_node import ParameterNode
 from vtrack_ros.ros.qos import Input
@@ -32,7 +34,9 @@ class Services:
         self._changed = changed
         self.paused = False
         self._inputs = [Input(node, RegionOfInterest, '~/init_roi',
-                              partial(self._select, from_roi, '~/init_roi'))]
+                              partial(self._select, from_roi, '~/init_roi')),
+                        Input(node, PointStamped, '~/init_point',
+                              partial(self._select, self._from_point, '~/init_point'))]
         if with_vision:
             self._inputs.append(Input(node, types['vision_msgs/msg/Detection2D'], '~/init',
                                       partial(self._select, from_detection, '~/init')))
@@ -80,6 +84,9 @@ class Services:
             self._select(lambda array, source: best_detection(
                 array, settings.text('init_class'), settings.number('init_score'), source),
                 '~/init_detections', message)
+
+    def _from_point(self, message: Any, source: str) -> Selection:
+        return from_point(message, self._node.settings.number('click_size'), source)
 
     def _select(self, read: Callable[[Any, str], Selection | None], source: str,
                 message: Any) -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from vtrack_ros.appearance.extent import find_extent
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.history import FrameHistory, seconds
 from vtrack_ros.trackers import Frame
@@ -13,15 +14,34 @@ LEAST_SIDE = 2.0
 
 
 @dataclass(frozen=True)
+class Click:
+    """A point of the target, and the side of the square about it; 0: the extent is found."""
+
+    x: float
+    y: float
+    size: float = 0.0
+
+    def box_on(self, frame: Frame) -> Box:
+        """Return the box about the point; ValueError if the point is outside the frame."""
+        height, width = frame.shape[:2]
+        if not (0 <= self.x <= width and 0 <= self.y <= height):
+            raise ValueError(
+                f'the point ({self.x:g}, {self.y:g}) is outside the image of {width} x {height}')
+        if self.size:
+            return Box.from_center(self.x, self.y, self.size, self.size)
+        return find_extent(frame, self.x, self.y)
+
+
+@dataclass(frozen=True)
 class Selection:
     """
-    A target that `source`, a topic or a parameter, pointed out.
+    A target that `source`, a topic or a parameter, pointed out, by a box or a click.
 
     It was drawn on the frame of `stamp` [ns], None: on the next one. With `clamp` only the part
     inside the image is meant; an `automatic` one is a detector's, which may come with every frame.
     """
 
-    box: Box
+    box: Box | Click
     source: str
     stamp: int | None = None
     clamp: bool = False
@@ -36,8 +56,10 @@ class Selection:
         ValueError if no part of it or not its centre is inside the frame, or a side is too short.
         """
         height, width = frame.shape[:2]
-        inside = self.box.clipped(width, height)
-        box = inside if inside is not None and self.clamp else self.box
+        box = self.box.box_on(frame) if isinstance(self.box, Click) else self.box
+        inside = box.clipped(width, height)
+        if self.clamp and inside is not None:
+            box = inside
         name = f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g})'
         if inside is None:
             raise ValueError(f'{name} has no pixel inside the image of {width} x {height}')

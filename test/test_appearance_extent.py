@@ -1,0 +1,59 @@
+"""The extent of what is about a point."""
+
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.extent import find_extent
+from vtrack_ros.geometry import Box
+
+
+def picture(box, height=240, width=320, seed=0):
+    """Return a ground of noise with a box of another colour."""
+    frame = np.random.default_rng(seed).integers(90, 120, (height, width, 3), np.uint8)
+    x, y, w, h = (int(value) for value in box.as_array())
+    frame[y:y + h, x:x + w] = (40, 60, 200)
+    return frame
+
+
+@pytest.mark.parametrize('width, height', [(40, 40), (24, 60), (80, 44), (16, 16), (110, 110)])
+def test_thing_of_one_colour(width, height):
+    """A thing that stands out has its extent found, whatever its size and shape."""
+    box = Box.from_center(150, 110, width, height)
+    assert find_extent(picture(box), 150, 110).iou(box) > 0.6
+
+
+def test_grey():
+    """Lightness alone tells as well."""
+    box = Box(100, 80, 50, 50)
+    grey = picture(box)[..., 1]
+    assert find_extent(grey, *box.center).iou(box) > 0.6
+
+
+def test_same_answer_again():
+    """There's no chance in it."""
+    box = Box(100, 80, 50, 30)
+    assert find_extent(picture(box), 120, 90) == find_extent(picture(box), 120, 90)
+
+
+def test_scales_with_the_image():
+    """A picture of twice the size has a box of twice the size."""
+    box = Box(100, 80, 50, 50)
+    frame = picture(box)
+    twice = frame.repeat(2, axis=0).repeat(2, axis=1)
+    small, large = find_extent(frame, 125, 105), find_extent(twice, 250, 210)
+    assert large.width == pytest.approx(2 * small.width, rel=0.35)
+
+
+@pytest.mark.parametrize('x, y', [(0, 0), (320, 240), (319.5, 10), (0.2, 239)])
+def test_at_the_border(x, y):
+    """The box is inside the image, wherever the point is."""
+    frame = np.random.default_rng(1).integers(0, 255, (240, 320, 3), np.uint8)
+    box = find_extent(frame, x, y)
+    assert box.clipped(320, 240) == box
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 40, 3), (3, 5), (40, 2, 3), (600, 20)])
+def test_tiny_and_narrow_pictures(shape):
+    """Whatever the picture's shape, there's a box about the point."""
+    box = find_extent(np.zeros(shape, np.uint8), shape[1] / 2, shape[0] / 2)
+    assert box.width > 0 and box.height > 0
