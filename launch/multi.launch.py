@@ -18,7 +18,7 @@ from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
 #: What a target may say of itself.
-KEYS = ('image', 'camera_info', 'params_file', 'parameters')
+KEYS = ('image', 'camera_info', 'params_file', 'parameters', 'respawn')
 
 
 def generate_launch_description():
@@ -52,6 +52,9 @@ def node(path, namespace, target):
     if file and not os.path.isfile(file):
         raise FileNotFoundError(f'{path}: {namespace}: params_file {file} does not exist')
     parameters = dict(target.get('parameters') or {})
+    respawn = target.get('respawn', False)
+    if not isinstance(respawn, bool):
+        raise ValueError(f'{path}: {namespace}: respawn must be true or false, not {respawn!r}')
     # Nothing is nothing: launch has no type for an empty list.
     try:
         box = checked_init_box(parameters.pop(INIT_BOX, None) or [])
@@ -66,6 +69,7 @@ def node(path, namespace, target):
         package='vtrack_ros', executable='tracker', name='tracker', namespace=namespace,
         parameters=[*filter(None, [file, parameters])],
         remappings=[(name, target[key]) for name, key in sources.items() if target.get(key)],
+        respawn=respawn, respawn_delay=1.0,
         additional_env={'FASTRTPS_DEFAULT_PROFILES_FILE': profile,
                         'FASTDDS_DEFAULT_PROFILES_FILE': profile},
         output='screen')

@@ -31,6 +31,9 @@ ARGUMENTS = {
     'managed': ('false', 'true: a lifecycle node, to be configured and activated'),
     'use_sim_time': ('', 'true: the time of /clock, as with ros2 bag play --clock; empty: as '
                          'params_file says, or false'),
+    'state_file': ('', 'file in which the target outlives the node; empty: as params_file says, '
+                       'or none'),
+    'respawn': ('false', 'true: start the node again, a second after it ended by itself'),
     'fastdds_profile': ('true', 'true: shared memory that holds images (config/fastdds.xml)'),
     'log_level': ('info', 'debug, info, warn or error'),
 }
@@ -47,7 +50,8 @@ def generate_launch_description():
 def nodes(context):
     """Return the node that the arguments describe."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    parameters = {name: given[name] for name in ('tracker', 'image_transport') if given[name]}
+    parameters = {name: given[name] for name in ('tracker', 'image_transport', 'state_file')
+                  if given[name]}
     if given['use_sim_time']:
         parameters['use_sim_time'] = yes(given['use_sim_time'])
     if given['params_file'] and not os.path.isfile(given['params_file']):
@@ -66,6 +70,8 @@ def nodes(context):
         remappings=[(name, given[argument]) for name, argument in sources.items()
                     if given[argument]],
         arguments=['--ros-args', '--log-level', given['log_level']],
+        respawn=yes(given['respawn']),
+        respawn_delay=1.0,
         additional_env=profile() if yes(given['fastdds_profile']) else {},
         output='screen')]
 

@@ -179,6 +179,22 @@ def test_launch_refuses_what_is_no_box(launched, text):
         launched('tracker.launch.py', init_box=text)
 
 
+def test_launch_starts_again_what_ended(launched, tmp_path):
+    """With respawn, and a file in which the target outlives the node."""
+    node, = launched('tracker.launch.py')
+    assert not node.respawn and 'state_file' not in values(node)
+    node, = launched('tracker.launch.py', respawn='true', state_file='/run/target.json')
+    assert node.respawn and node.respawn_delay == 1.0
+    assert values(node) == {'state_file': '/run/target.json'}
+    path = tmp_path / 'targets.yaml'
+    path.write_text('left: {respawn: true}\nright:\n')
+    left, right = launched('multi.launch.py', targets=str(path))
+    assert left.respawn and not right.respawn
+    path.write_text('left: {respawn: often}')
+    with pytest.raises(ValueError, match="left: respawn must be true or false, not 'often'"):
+        launched('multi.launch.py', targets=str(path))
+
+
 def test_launch_of_several_targets(launched, tmp_path):
     """Each has its namespace, and all that is said of it and no more."""
     path, mine = tmp_path / 'targets.yaml', tmp_path / 'mine.yaml'

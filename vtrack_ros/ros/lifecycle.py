@@ -44,13 +44,25 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: State) -> TransitionCallbackReturn:
-        """Take everything down; then it can be configured again, after an error as well."""
+        """Take everything down, and forget the target; then it can be configured again."""
+        if self._pipeline is not None:
+            self._pipeline.save(keep=False)
+        return self.on_shutdown(state)
+
+    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
+        """Take everything down; after an error it can be configured again."""
         if self._pipeline is not None:
             self._pipeline.destroy()
             self._pipeline = None
         return TransitionCallbackReturn.SUCCESS
 
-    on_shutdown = on_error = on_cleanup
+    on_error = on_shutdown
+
+    def destroy_node(self) -> None:
+        """Save the target, and take the node down."""
+        if self._pipeline is not None:
+            self._pipeline.save()
+        super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _on_change_state(self, request: Any, response: Any) -> Any:
         """Answer what rclpy raises an exception at, and its clients would wait for for ever."""

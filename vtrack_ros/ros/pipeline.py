@@ -18,6 +18,7 @@ from vtrack_ros.ros.parameter_node import INIT_BOX, ParameterNode
 from vtrack_ros.ros.publishers import Publishers
 from vtrack_ros.ros.qos import image_topic, Input
 from vtrack_ros.ros.services import Services
+from vtrack_ros.ros.state_file import StateFile
 from vtrack_ros.session.frame_flow import Arrival
 from vtrack_ros.session.history import FrameHistory
 from vtrack_ros.session.target import Target
@@ -69,6 +70,7 @@ class Pipeline:
         self._session.warm_up()
         self._target = Target(self._session, self._history, log)
         self._target.set_init_box(node.init_box, f'parameter {INIT_BOX}')
+        self._state_file = StateFile(node, self._target)
         self._publishers = Publishers(node, types, with_vision)
         self._services = Services(node, types, with_vision, self._target, log, self._changed)
         self._services.listen_to_detector(bool(settings['init_from_detections']))
@@ -99,9 +101,14 @@ class Pipeline:
             self._diagnostics.flow.interrupt()
         self._changed()
 
+    def save(self, keep: bool = True) -> None:
+        """Save the target for the last time, or take away what was saved of it."""
+        self._state_file.close(keep)
+
     def destroy(self) -> None:
         """Take down all that was set up, and forget the target."""
         self.deactivate()
+        self.save()
         self._node.on_change = None
         self._session.forget()
         self._camera_info.destroy()
@@ -128,6 +135,7 @@ class Pipeline:
         if not self._arrived(stamp, began):
             return
         self._history.append(stamp, frame)
+        self._state_file.take_up(frame, stamp, header.frame_id)
         started = time.perf_counter_ns()
         estimate = self._target.update(frame, stamp)
         compute = (time.perf_counter_ns() - started) / 1e6
@@ -203,6 +211,8 @@ class Pipeline:
         self._watch_inputs()
         self._note_state()
         self._diagnostics.publish_state()
+        if self._target.estimate is None:
+            self._state_file.save()
 
     def _note_state(self) -> None:
         """Say in the log that the state changed, if it did."""

@@ -17,3 +17,8 @@ class TrackerNode(ParameterNode):
         super().__init__('tracker', **arguments)
         self._pipeline = Pipeline(self)
         self._pipeline.activate()
+
+    def destroy_node(self) -> None:
+        """Save the target, and take the node down."""
+        self._pipeline.save()
+        super().destroy_node()  # type: ignore[no-untyped-call]

@@ -126,6 +126,11 @@ class TrackingSession:
         """Return the latest measured box with its frame; None while there is no target."""
         return self._last_measurement
 
+    @property
+    def interval(self) -> float | None:
+        """Return the usual interval between the target's frames [ns]; None before it's known."""
+        return self._interval.interval
+
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
         """Begin on the target in `box` of a frame stamped in ns; errors as `Tracker.start`."""
         return self._start(self._create(self._name), frame, stamp, box)
@@ -144,6 +149,19 @@ class TrackingSession:
         if self._estimate.measured:
             self._last_measurement = LastMeasurement(frame, stamp, self._estimate.box)
         return self._estimate
+
+    def take_up(self, frame: Frame, stamp: int, box: Box, interval: int) -> None:
+        """
+        Begin where another session ended, on the frame on which it last measured the target.
+
+        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`.
+        """
+        self.start(frame, stamp, box)
+        # What the target's usual response is, is learned in the frame after the first: this one
+        # again, for in the next that comes it may be elsewhere.
+        self.update(frame, stamp)
+        if interval > 0:
+            self._interval.add(interval)
 
     def forget(self) -> None:
         """Give up the target."""

@@ -1,10 +1,12 @@
 """One target: selected, tracked, given up."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.saved_target import SavedTarget
 from vtrack_ros.session.selection import Selection, Selector
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.tracker import Estimate, TrackState
@@ -71,6 +73,30 @@ class Target:
     def select(self, selection: Selection) -> None:
         """Take a selection instead of any target so far; ValueError if its frame is gone."""
         self._selector.select(selection)
+
+    def saved(self, node: str, frame_id: str, time: int) -> Callable[[], SavedTarget] | None:
+        """Return what makes the target as data, see `SavedTarget.of`; None for no target."""
+        return SavedTarget.of(self._session, self.identity, node, frame_id, time)
+
+    def take_up(self, saved: SavedTarget, source: str) -> bool:
+        """
+        Go on with a target of the same stream that `source` saved; return whether it was taken.
+
+        It counts before `init_box`, but after any other selection. ValueError if it's of no use.
+        """
+        pending = self._selector.pending
+        if self.estimate is not None or pending is not None and pending is not self.init_box:
+            return False
+        frame = saved.frame()
+        self._session.take_up(frame, saved.stamp, saved.box, saved.interval)
+        self._selector.pending, self._shape = None, frame.shape
+        self.identity = saved.identity
+        box, before = saved.box, saved.tracker
+        tracker = self._session.tracker + (f' after {before}' if before != self._session.tracker
+                                           else '')
+        self._log.info(f'{source}: {tracker} goes on with the target that was at ({box.x:g}, '
+                       f'{box.y:g}) of {box.width:g} x {box.height:g} px')
+        return True
 
     @property
     def wanted(self) -> bool:

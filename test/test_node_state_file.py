@@ -1,0 +1,100 @@
+"""A node that is killed goes on with its target, from what it had saved."""
+
+import json
+import os
+import signal
+import time
+
+from node_harness import Client, NodeProcess, overlap, Scene, STEP
+import pytest
+
+START = 10**9
+
+
+@pytest.fixture
+def scene():
+    """Return the images."""
+    return Scene()
+
+
+def box_parameter(box):
+    """Return a box as init_box."""
+    return str(box.as_array().tolist())
+
+
+def saved(path, process, client, scene, index):
+    """Send frames until the target has been saved on a later one than now; return the next."""
+    before = path.stat().st_mtime_ns if path.exists() else 0
+    deadline = time.monotonic() + 20
+    while not path.exists() or path.stat().st_mtime_ns == before:
+        assert time.monotonic() < deadline, process.log
+        client.send(scene.frame(index), START + STEP * index)
+        index += 1
+        time.sleep(0.03)
+    return index
+
+
+def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
+    """No new selection, no init_box: the same target with the same name, elsewhere by now."""
+    path = tmp_path / 'target.json'
+    with Client() as client:
+        process = NodeProcess(state_file=path, init_box=box_parameter(scene.box(0)))
+        try:
+            client.ready()
+            index = saved(path, process, client, scene, 0)
+            first = client.send(scene.frame(index), START + STEP * index)
+        finally:
+            assert process.stop(signal.SIGKILL) != 0
+    index += 12
+    # What is in init_box now is long gone from there.
+    with NodeProcess(state_file=path, init_box='[100, 90, 30, 20]') as process, (
+            Client()) as client:
+        client.ready()
+        answers = [client.send(scene.frame(i), START + STEP * i)
+                   for i in range(index, index + 10)]
+        process.wait_for_log('gmpf goes on with the target that was at')
+        assert overlap(answers[-1], scene.box(index + 9)) > 0.5
+        assert answers[-1].detections[0].id == first.detections[0].id
+        assert client.state_after(answers[-1])['state'] == 'tracking'
+    # Ended in good order, it saves the latest there is.
+    state, latest = json.loads(path.read_text()), answers[-1].header.stamp
+    assert state['stamp'] == latest.sec * 10**9 + latest.nanosec
+    assert os.listdir(tmp_path) == ['target.json']
+
+
+def test_a_target_that_was_given_up_stays_so(tmp_path, scene):
+    """After ~/reset there is nothing on disk to come back."""
+    from std_srvs.srv import Trigger
+    path = tmp_path / 'target.json'
+    with NodeProcess(state_file=path, init_box=box_parameter(scene.box(0))) as process:
+        with Client() as client:
+            client.ready()
+            saved(path, process, client, scene, 0)
+            client.ask('~/reset', Trigger)
+            client.until(lambda: not path.exists(), 'the file is taken away')
+
+
+def test_what_cannot_be_used_is_refused_once(tmp_path, scene):
+    """A damaged file makes way for the next target; what isn't the node's is left alone."""
+    damaged, foreign = tmp_path / 'damaged.json', tmp_path / 'foreign.yaml'
+    damaged.write_text('{"format": "vtrack_ros target 1", "node": "/tra')
+    foreign.write_text('tracker: gmpf\n')
+    begin = box_parameter(scene.box(0))
+    with NodeProcess(state_file=damaged, init_box=begin) as process, Client() as client:
+        client.ready()
+        process.wait_for_log('is not used: it is damaged')
+        saved(damaged, process, client, scene, 0)
+        assert json.loads(damaged.read_text())['node'] == '/tracker'
+        assert process.log.count('is not used') == 1
+    # Saved by the node before; but these images are of another camera.
+    other = Scene(200, 100)
+    with NodeProcess(state_file=damaged, init_box=box_parameter(other.box(0))) as process, (
+            Client()) as client:
+        client.ready()
+        answer = client.send(other.frame(0), START + 10**9 * 60)
+        process.wait_for_log('is not used: its image is 160 x 120 x 3, but the one that came '
+                             'is 200 x 100 x 3')
+        assert overlap(answer, other.box(0)) > 0.9
+    with NodeProcess(state_file=foreign) as process:
+        process.wait_for_log('left alone; the target is not saved')
+    assert foreign.read_text() == 'tracker: gmpf\n'

@@ -1,0 +1,127 @@
+"""A target as data: what one session saves, another goes on with, or refuses."""
+
+from dataclasses import replace
+import json
+
+from drawn_video import box_at, DrawnVideo, straight
+import numpy as np
+import pytest
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.session.saved_target import MARK, SavedTarget
+from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.tracker import TrackState
+from vtrack_ros.trackers import tracker_names
+
+STEP = 33_333_333
+NOW = 10**18
+
+
+def tracked(video, path, tracker='gmpf'):
+    """Return a session that has followed a target along a path."""
+    session = TrackingSession(tracker, seed=1)
+    session.start(video.frame(path[0]), 0, box_at(path[0]))
+    for index, center in enumerate(path[1:], 1):
+        session.update(video.frame(center), STEP * index)
+    return session
+
+
+def saved(session):
+    """Return the data of a session's target."""
+    return SavedTarget.of(session, ('mug', '7'), '/tracker', 'camera', NOW)()
+
+
+@pytest.fixture(scope='module')
+def target():
+    """Return a saved target."""
+    return saved(tracked(DrawnVideo(), straight(6, (2.0, 1.0))))
+
+
+@pytest.mark.parametrize('tracker', tracker_names(replicas=False))
+def test_another_session_goes_on(tracker):
+    """It finds the target a second later, by nothing but the text; grey for one of them."""
+    video, path = DrawnVideo(tracker != 'dcf'), straight(50, (1.0, 0.5))
+    data = SavedTarget.parsed(saved(tracked(video, path[:5], tracker)).text())
+    session = TrackingSession(tracker, seed=1)
+    session.take_up(data.frame(), data.stamp, data.box, data.interval)
+    for index in range(30, 36):
+        estimate = session.update(video.frame(path[index]), STEP * index)
+    assert estimate.box.iou(box_at(path[35])) > 0.5
+    assert estimate.state is TrackState.TRACKING
+
+
+@pytest.mark.parametrize('tracker', tracker_names(replicas=False))
+def test_a_target_that_is_gone_is_not_tracked(tracker):
+    """Whatever is in its place now, it's soon said not to be the target."""
+    video = DrawnVideo()
+    data = saved(tracked(video, straight(4, (1.0, 0.5)), tracker))
+    session = TrackingSession(tracker, seed=1)
+    session.take_up(data.frame(), data.stamp, data.box, data.interval)
+    states = [session.update(video.frame(None), STEP * index).state for index in range(30, 40)]
+    assert TrackState.TRACKING not in states[3:]
+
+
+def test_text_says_it_all(target):
+    """What is read is what was written: JSON, and nothing in it that could be executed."""
+    text = target.text()
+    assert SavedTarget.parsed(text) == target
+    assert text.startswith(MARK) and json.loads(text)['identity'] == ['mug', '7']
+    assert target.interval == STEP
+
+
+def test_a_large_target_makes_a_small_file():
+    """Its picture is made smaller, and has the same place again."""
+    rng = np.random.default_rng(0)
+    frame = np.kron(rng.integers(0, 256, (9, 16, 3)), np.ones((120, 120, 1))).astype(np.uint8)
+    session = TrackingSession()
+    session.start(frame, 5, Box(600, 300, 500, 400))
+    data = saved(session)
+    assert len(data.text()) < 200_000
+    left, top, width, height = data.region
+    inside = np.s_[top + 100:top + height - 100, left + 100:left + width - 100]
+    difference = np.abs(data.frame()[inside].astype(int) - frame[inside])
+    assert difference.mean() < 15
+
+
+def test_an_earlier_time_or_another_stream_is_refused(target):
+    """Each reason has words of its own."""
+    frame, later = target.frame(), target.stamp + 1
+    target.check(frame, later, 'camera', NOW + 10**9, 30)
+    for wrong, message in (
+            ((frame, later, 'camera', NOW + 31 * 10**9, 30), 'saved 31 s ago, and may be 30 s'),
+            ((frame, later, 'camera', NOW - 9 * 10**9, 30), '9 s in the future'),
+            ((frame[1:], later, 'camera', NOW, 30), 'image is 320 x 240 x 3, but .* 320 x 239'),
+            ((frame[:, :, 0], later, 'camera', NOW, 30), 'but the one that came is 320 x 240$'),
+            ((frame, later, 'other', NOW, 30), "of 'camera', but the one that came is of 'other"),
+            ((frame, target.stamp - 1, 'camera', NOW, 30), 'another stream')):
+        with pytest.raises(ValueError, match=message):
+            target.check(*wrong)
+
+
+@pytest.mark.parametrize('name, value', [
+    ('box', None), ('box', {'x': 0}), ('box', {'x': 0, 'y': 0, 'width': -1, 'height': 2}),
+    ('box', {'x': 900, 'y': 0, 'width': 1, 'height': 2}), ('stamp', '1'), ('stamp', 1.5),
+    ('time', True), ('shape', [240]), ('shape', [240, 320, 4]), ('shape', [0, 320]),
+    ('shape', 'large'), ('region', [0, 0, 0, 5]), ('region', [300, 0, 99, 5]),
+    ('picture', '?'), ('picture', 3), ('identity', 'mug'), ('identity', ['mug'])])
+def test_damage_is_noticed(target, name, value):
+    """A ValueError, never anything else, and never a target."""
+    rows = json.loads(target.text())
+    with pytest.raises(ValueError):
+        SavedTarget.parsed(json.dumps({**rows, name: value}))
+    del rows[name]
+    with pytest.raises(ValueError, match=name):
+        SavedTarget.parsed(json.dumps(rows))
+
+
+def test_every_cut_is_noticed(target):
+    """A file that was not written to its end, an empty one, one without a picture."""
+    text = target.text()
+    for length in [*range(0, 400, 7), len(text) - 3]:
+        with pytest.raises(ValueError):
+            SavedTarget.parsed(text[:length])
+    with pytest.raises(ValueError):
+        SavedTarget.parsed(MARK + ', "box": ' + '[' * 100_000)
+    for picture in (b'', target.picture[:20], b'no picture'):
+        with pytest.raises(ValueError, match='picture cannot be decoded'):
+            replace(target, picture=picture).frame()

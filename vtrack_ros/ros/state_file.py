@@ -1,0 +1,151 @@
+"""The target on disk, so that a node that was killed goes on with it."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+import os
+from pathlib import Path
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.ros.parameter_node import ParameterNode
+from vtrack_ros.session.saved_target import MARK, SavedTarget
+from vtrack_ros.session.target import Target
+from vtrack_ros.tracker import Estimate
+
+#: How often the target is saved, in seconds.
+INTERVAL = 1.0
+#: No file of ours is larger than this, in bytes.
+LARGEST = 1 << 22
+
+
+class StateFile:
+    """
+    Saves a node's target in the file that `state_file` names, and takes it up from there.
+
+    A timer looks at the target, a thread writes it: neither waits for a disk. Where the parameter
+    is empty, nothing is done.
+    """
+
+    def __init__(self, node: ParameterNode, target: Target) -> None:
+        self._node = node
+        self._target = target
+        self._log = Node.get_logger(node)
+        self._saved: SavedTarget | None = None
+        self._latest: Estimate | None = None
+        self._frame_id = ''
+        self._is_ours = False
+        self._writing: Future[None] | None = None
+        self._told = ''
+        name = node.settings.text('state_file')
+        self._path = Path(os.path.realpath(os.path.expanduser(name))) if name else None
+        if self._path is None:
+            return
+        self._read(self._path)
+        if self._path is None:
+            return
+        self._thread = ThreadPoolExecutor(1)
+        self._timer = node.create_timer(
+            INTERVAL, self.save, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def take_up(self, frame: Frame, stamp: int, frame_id: str) -> None:
+        """Take up the saved target, if there is one, where a frame is the first that comes."""
+        saved, self._saved, self._frame_id = self._saved, None, frame_id
+        if saved is None:
+            return
+        longest = self._node.settings.number('state_seconds')
+        try:
+            saved.check(frame, stamp, frame_id, time.time_ns(), longest)
+            self._is_ours = self._target.take_up(saved, f'state_file {self._path}')
+        except ValueError as error:
+            self._refuse(str(error))
+
+    def save(self) -> None:
+        """Let the target be written, unless the last one still is, or nothing is new."""
+        if self._path is None or self._writing is not None and not self._writing.done():
+            return
+        self._tell()
+        estimate, before = self._target.estimate, self._latest
+        if estimate is before and not (estimate is None and self._is_ours):
+            return
+        make = self._target.saved(
+            self._node.get_fully_qualified_name(), self._frame_id, time.time_ns())
+        self._latest = estimate
+        if make is not None:
+            self._is_ours = True
+            path = self._path
+            self._writing = self._thread.submit(lambda: _write(path, make().text()))
+        elif self._is_ours:
+            self._is_ours = False
+            self._writing = self._thread.submit(self._path.unlink, missing_ok=True)
+
+    def close(self, keep: bool = True) -> None:
+        """Write the target for the last time, or take the file away, and end."""
+        if self._path is None:
+            return
+        self._node.destroy_timer(self._timer)
+        if self._writing is not None:
+            self._writing.exception()
+        if not keep:
+            self._target.forget()
+        self.save()
+        self._thread.shutdown()
+        self._tell()
+        self._path = None
+
+    def _read(self, path: Path) -> None:
+        try:
+            if not path.exists():
+                if not path.parent.is_dir():
+                    raise FileNotFoundError(f'there is no folder {path.parent}')
+                return
+            if not path.is_file():
+                raise OSError('it is not a file')
+            with open(path, 'rb') as file:
+                data = file.read(LARGEST + 1)
+        except OSError as error:
+            self._refuse(f'{error}; the target is not saved')
+            self._path = None
+            return
+        if data.strip(b'\0') and not data.startswith(MARK.encode()):
+            self._refuse('it holds something else than a target, and is left alone; the target '
+                         'is not saved')
+            self._path = None
+            return
+        try:
+            saved = SavedTarget.parsed(data.decode() if len(data) <= LARGEST else '')
+            if saved.node != self._node.get_fully_qualified_name():
+                raise ValueError(f'it is that of the node {saved.node}')
+        except ValueError as error:
+            self._refuse(f'it is damaged, or not for this node: {error}')
+            return
+        self._saved = saved
+
+    def _refuse(self, why: str) -> None:
+        self._log.warning(f'state_file {self._path} is not used: {why}')
+
+    def _tell(self) -> None:
+        """Say why the target could not be written, once."""
+        error: Any = self._writing.exception() if self._writing is not None else None
+        text = f'state_file {self._path} could not be written: {error}' if error else ''
+        if text and text != self._told:
+            self._log.error(text)
+        if self._writing is not None:
+            self._told = text
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file as a whole, or leave it as it is, even if the power fails."""
+    beside = path.with_name(f'{path.name}.tmp')
+    with open(beside, 'w', encoding='ascii') as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(beside, path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

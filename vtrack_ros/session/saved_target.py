@@ -1,0 +1,164 @@
+"""A target as data: what another process needs to go on with it."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+import json
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.session.session import TrackingSession
+
+#: How the text begins; what doesn't is none of ours.
+MARK = '{"format": "vtrack_ros target 1"'
+#: The picture shows so many times the target's sides, all that a search window may reach.
+_SHOWN = 4.0
+#: The longest side of a picture, in pixels: larger ones are stored smaller.
+_LONGEST_SIDE = 256
+
+
+@dataclass(frozen=True)
+class SavedTarget:
+    """
+    A target where it was last measured, with a picture of it.
+
+    `stamp` [ns] and `frame_id` are those of that frame, `shape` is its shape; `interval` [ns] is
+    the usual one between frames (0: unknown), `time` [ns] the wall clock when it was saved. `node`
+    and `tracker` are names, `identity` is the target's class and id. `picture` is a JPEG of the
+    frame's region (left, top, width, height) [px] about the target.
+    """
+
+    node: str
+    tracker: str
+    identity: tuple[str, str]
+    time: int
+    stamp: int
+    interval: int
+    frame_id: str
+    shape: tuple[int, ...]
+    box: Box
+    region: tuple[int, int, int, int]
+    picture: bytes
+
+    @classmethod
+    def of(cls, session: TrackingSession, identity: tuple[str, str], node: str, frame_id: str,
+           time: int) -> Callable[[], SavedTarget] | None:
+        """
+        Return what makes the data of a session's target; None where there is none.
+
+        Making them takes milliseconds, and may be done in another thread.
+        """
+        seen = session.last_measurement
+        if seen is None:
+            return None
+        tracker, interval = session.tracker, round(session.interval or 0)
+
+        def make() -> SavedTarget:
+            region, picture = _pictured(seen.frame, seen.box)
+            return cls(node, tracker, identity, time, seen.stamp, interval, frame_id,
+                       seen.frame.shape, seen.box, region, picture)
+        return make
+
+    @classmethod
+    def parsed(cls, text: str) -> SavedTarget:
+        """Return what `text` spells; a ValueError says what is wrong with it."""
+        if not text.startswith(MARK):
+            raise ValueError(f'it does not begin with {MARK}')
+        try:
+            rows = json.loads(text)
+            node, tracker, frame_id = (
+                str(rows[name]) for name in ('node', 'tracker', 'frame_id'))
+            class_id, target_id = map(str, rows['identity'])
+            time, stamp, interval = (
+                _integer(rows[name]) for name in ('time', 'stamp', 'interval'))
+            shape = tuple(map(_integer, rows['shape']))
+            left, top, width, height = map(_integer, rows['region'])
+            box = Box(**rows['box'])
+            picture = base64.b64decode(rows['picture'], validate=True)
+        except (AttributeError, binascii.Error, KeyError, RecursionError, TypeError,
+                ValueError) as error:
+            raise ValueError(f'{type(error).__name__}: {error}') from None
+        if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)) or min(shape) < 1:
+            raise ValueError(f'there is no image of shape {shape}')
+        if not (0 <= left < left + width <= shape[1] and 0 <= top < top + height <= shape[0]):
+            raise ValueError('its picture is not inside the image')
+        if box.clipped(shape[1], shape[0]) is None:
+            raise ValueError('its box is not inside the image')
+        return cls(node, tracker, (class_id, target_id), time, stamp, interval, frame_id, shape,
+                   box, (left, top, width, height), picture)
+
+    def text(self) -> str:
+        """Return it as JSON."""
+        rows: dict[str, Any] = asdict(self)
+        rows['picture'] = base64.b64encode(self.picture).decode('ascii')
+        text = json.dumps(rows)
+        return f'{MARK}, {text[1:]}\n'
+
+    def check(self, frame: Frame, stamp: int, frame_id: str, now: int, longest: float) -> None:
+        """
+        Raise a ValueError that says why the target isn't the one of a stream that begins.
+
+        The stream's first frame is stamped `stamp` [ns] in `frame_id`, and came at `now` [ns] on
+        the wall clock, at most `longest` seconds after the target was saved.
+        """
+        age = (now - self.time) / 1e9
+        if age > longest:
+            raise ValueError(f'it was saved {age:.0f} s ago, and may be {longest:g} s old')
+        if age < -1:
+            raise ValueError(f'it is dated {-age:.0f} s in the future')
+        if frame.shape != self.shape:
+            was, now_is = (' x '.join(map(str, (*shape[1::-1], *shape[2:])))
+                           for shape in (self.shape, frame.shape))
+            raise ValueError(f'its image is {was}, but the one that came is {now_is}')
+        if frame_id != self.frame_id:
+            raise ValueError(f'its image is of {self.frame_id!r}, but the one that came is of '
+                             f'{frame_id!r}')
+        if stamp < self.stamp:
+            raise ValueError('its image is stamped after the one that came: another stream')
+
+    def frame(self) -> Frame:
+        """Return an image with nothing but the picture; ValueError if it can't be decoded."""
+        colour = len(self.shape) == 3
+        try:
+            pixels = cv2.imdecode(np.frombuffer(self.picture, np.uint8),
+                                  cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
+        except cv2.error:
+            pixels = None
+        if pixels is None:
+            raise ValueError('its picture cannot be decoded')
+        left, top, width, height = self.region
+        pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_LINEAR)
+        rest = (top, self.shape[0] - top - height, left, self.shape[1] - left - width)
+        return np.asarray(cv2.copyMakeBorder(pixels, *rest, cv2.BORDER_REPLICATE), np.uint8)
+
+
+def _pictured(frame: Frame, box: Box) -> tuple[tuple[int, int, int, int], bytes]:
+    """Return the region about a box, and a picture of it."""
+    side = _SHOWN * max(box.width, box.height)
+    around = Box.from_center(*box.center, side, side).clipped(frame.shape[1], frame.shape[0])
+    if around is None:
+        around = Box(0, 0, frame.shape[1], frame.shape[0])
+    left, top = math.floor(around.x), math.floor(around.y)
+    right = min(math.ceil(around.x + around.width), frame.shape[1])
+    bottom = min(math.ceil(around.y + around.height), frame.shape[0])
+    pixels = frame[top:bottom, left:right]
+    shrink = _LONGEST_SIDE / max(pixels.shape[:2])
+    if shrink < 1:
+        size = [max(1, round(shrink * length)) for length in pixels.shape[1::-1]]
+        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+    _, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    return (left, top, right - left, bottom - top), data.tobytes()
+
+
+def _integer(value: Any) -> int:
+    if type(value) is not int:
+        raise TypeError(f'{value!r} is not an integer')
+    return value
