@@ -1,0 +1,1 @@
+"""The four papers' claims, one module for each, and what they have in common."""
