@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import signal
 
+from hypothesis import settings
 import pytest
 from vtrack_ros.dds import reserve_domain
 
@@ -17,6 +18,11 @@ _domain_guard = reserve_domain()
 # A background job of a shell begins with Ctrl-C ignored, and so would all its children.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Hypothesis: a few examples, always the same ones, or many others (see CONTRIBUTING.md).
+settings.register_profile('quick', derandomize=True, max_examples=5, deadline=None, database=None)
+settings.register_profile('long', max_examples=300, deadline=None, database=None)
+settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'quick'))
 
 
 @pytest.fixture(scope='session')
