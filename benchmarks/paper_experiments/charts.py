@@ -45,7 +45,7 @@ def sweep(path: Path, panels: Mapping[str, Mapping[str, Points]], x_label: str, 
         _finish(path, figure, all_axes, y_label)
 
 
-def by_frame(path: Path, panels: Mapping[str, Mapping[str, Sequence[float | None]]],
+def by_frame(path: Path, panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None]]]],
              y_label: str, shaded: tuple[float, float] | None = None) -> None:
     """Draw what there is for each frame; panels by title, a range of frames shaded."""
     with rc_context(_STYLE):
@@ -53,8 +53,9 @@ def by_frame(path: Path, panels: Mapping[str, Mapping[str, Sequence[float | None
         for axes, (title, lines) in zip(all_axes, panels.items()):
             if shaded is not None:
                 axes.axvspan(*shaded, color='#9aa4b0', alpha=0.25, linewidth=0)
-            for number, (label, values) in enumerate(lines.items()):
-                y = np.array([np.nan if value is None else value for value in values], float)
+            for number, (label, rows) in enumerate(lines.items()):
+                y = np.array([np.nan if value is None else value
+                              for row in rows for value in row], float)
                 axes.plot(np.arange(len(y)), y, label=label, color=colour(number), linewidth=1.2)
             axes.set(title=title, xlabel='frame', ylim=(0, None))
             axes.grid(axis='y', alpha=0.4)
@@ -70,5 +71,6 @@ def _figure(count: int, width: float) -> tuple[Figure, list]:
 def _finish(path: Path, figure: Figure, all_axes: list, y_label: str) -> None:
     all_axes[0].set_ylabel(y_label)
     handles, labels = all_axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc='outside lower center', ncols=len(labels), frameon=False)
+    figure.legend(handles, labels, loc='outside lower center', frameon=False,
+                  ncols=len(labels) if len(all_axes) > 1 else 2)
     path.write_text(svg(figure) + '\n', encoding='utf-8')

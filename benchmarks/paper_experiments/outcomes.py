@@ -155,13 +155,14 @@ def summary(rows: Mapping[str, Figures]) -> dict[str, dict[str, float | None]]:
     return result
 
 
-def mean_by_frame(rows: Sequence[Array]) -> list[float | None]:
-    """Return the mean over runs of arrays by frame; None where no run has a value."""
+def mean_by_frame(rows: Sequence[Array]) -> list[list[float | None]]:
+    """Return the mean over runs of arrays by frame, None where no run has one, in rows of 60."""
     stacked = np.stack(rows)
     counts = np.isfinite(stacked).sum(0)
     sums = np.nansum(stacked, axis=0)
-    return [round(float(total / count), 2) if count else None
-            for total, count in zip(sums, counts)]
+    means = [round(float(total / count), 2) if count else None
+             for total, count in zip(sums, counts)]
+    return [means[start:start + 60] for start in range(0, len(means), 60)]
 
 
 def _figures(outcome: Outcome) -> dict[str, float]:

@@ -97,6 +97,6 @@ def _on(outcome: Outcome) -> float:
     return float(np.nanmean(overlap) > 0.3)
 
 
-def _by_frame(runs: list[Outcome], column: int) -> list[float | None]:
+def _by_frame(runs: list[Outcome], column: int) -> list[list[float | None]]:
     return mean_by_frame([np.abs(metrics.center_offsets(
         one.run.boxes, one.film.truth)[:, column]) for one in runs])
