@@ -65,13 +65,7 @@ class CorrelationFilter:
     @staticmethod
     def transform(features: Features) -> Spectrum:
         """Return the spectrum of features of shape (channels, rows, columns), edges faded."""
-        channels, rows, columns = features.shape
-        over_columns, over_rows = _transform(rows, columns)
-        half = (features.reshape(-1, columns) @ over_columns).view(np.complex64)
-        # one product of large matrices is twice as quick as one for each channel
-        side_by_side = half.reshape(channels, rows, -1).swapaxes(0, 1).reshape(rows, -1)
-        spectrum: Spectrum = (over_rows @ side_by_side).reshape(rows, channels, -1)
-        return np.ascontiguousarray(spectrum.swapaxes(0, 1))
+        return _transformed(features, *_transform(*features.shape[1:], tapered=True))
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> CorrelationFilter:
@@ -80,7 +74,7 @@ class CorrelationFilter:
 
         `shift` is where, in cells from the middle of the window, the target is in the example.
         """
-        over_rows, over_columns = _frequencies(*self.shape)
+        over_rows, over_columns = fourier_matrices(*self.shape)
         wanted = self.label * np.exp(shift[1] * over_rows)
         wanted *= rate * np.exp(shift[0] * over_columns)
         numerator = wanted * spectrum
@@ -115,9 +109,7 @@ class CorrelationFilter:
         """
         rows, columns = self.shape
         kernel = np.fft.irfft2(self._conjugate / self._divisor, (rows, columns))
-        down, across = (np.abs(np.fft.fftfreq(cells) * cells) for cells in (rows, columns))
-        kernel *= np.clip(height / 2 + 0.5 - down, 0, 1)[:, None]
-        kernel *= np.clip(width / 2 + 0.5 - across, 0, 1)
+        kernel *= box_support(rows, columns, width, height)
         numerator = np.fft.rfft2(kernel).conj() * self._divisor
         return replace(self, numerator=numerator.astype(np.complex64))
 
@@ -194,7 +186,7 @@ class ScaleRegression:
 
 
 @lru_cache(maxsize=32)
-def _frequencies(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
+def fourier_matrices(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
     """Return 2 pi i times the frequencies, shapes (rows, 1) and (columns // 2 + 1,)."""
     over_rows = 2j * np.pi * np.fft.fftfreq(rows)[:, None]
     over_columns = 2j * np.pi * np.fft.rfftfreq(columns)
@@ -204,15 +196,51 @@ def _frequencies(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
 # Windows are so small that Fourier transforms are quicker as matrix products.
 
 
-@lru_cache(maxsize=32)
-def _transform(rows: int, columns: int) -> tuple[NDArray[np.float32], Spectrum]:
+@lru_cache(maxsize=64)
+def _transform(rows: int, columns: int, tapered: bool) -> tuple[NDArray[np.float32], Spectrum]:
     """
-    Return the tapered Fourier transform of real maps: matrices for the right and for the left.
+    Return the Fourier transform of real maps: matrices for the right and for the left.
 
     Real and imaginary parts of the first are interleaved.
     """
-    over_columns = np.fft.rfft(np.diag(taper(columns))).astype(np.complex64).view(np.float32)
-    return over_columns, np.fft.fft(np.diag(taper(rows))).T.astype(np.complex64)
+    across, down = (np.diag(taper(cells)) if tapered else np.eye(cells)
+                    for cells in (columns, rows))
+    over_columns = np.fft.rfft(across).astype(np.complex64).view(np.float32)
+    return over_columns, np.fft.fft(down).T.astype(np.complex64)
+
+
+def _transformed(maps: NDArray[np.float32], over_columns: NDArray[np.float32],
+                 over_rows: Spectrum) -> Spectrum:
+    channels, rows, columns = maps.shape
+    half = (maps.reshape(-1, columns) @ over_columns).view(np.complex64)
+    # one product of large matrices is twice as quick as one for each channel
+    side_by_side = half.reshape(channels, rows, -1).swapaxes(0, 1).reshape(rows, -1)
+    spectrum: Spectrum = (over_rows @ side_by_side).reshape(rows, channels, -1)
+    return np.ascontiguousarray(spectrum.swapaxes(0, 1))
+
+
+def transformed_maps(maps: NDArray[np.float32]) -> Spectrum:
+    """Return the spectrum of maps of shape (channels, rows, columns), edges as they are."""
+    return _transformed(maps, *_transform(*maps.shape[1:], tapered=False))
+
+
+def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
+    """Return the maps, shape (channels, rows, columns), that have a spectrum."""
+    channels, rows, half = spectrum.shape
+    over_rows, over_columns = _inverse_transform(rows, 2 * (half - 1))
+    side_by_side = np.ascontiguousarray(spectrum.swapaxes(0, 1)).reshape(rows, -1)
+    by_channel = (over_rows @ side_by_side).reshape(rows, channels, half).swapaxes(0, 1)
+    parts = np.ascontiguousarray(by_channel).view(np.float32).reshape(-1, 2 * half)
+    return (parts @ over_columns).reshape(channels, rows, -1)
+
+
+@lru_cache(maxsize=32)
+def box_support(rows: int, columns: int, width: float, height: float) -> NDArray[np.float32]:
+    """Return how much of each cell is within a box about (0, 0), cyclically; sizes in cells."""
+    down, across = (np.abs(np.fft.fftfreq(cells) * cells) for cells in (rows, columns))
+    support = np.clip(height / 2 + 0.5 - down, 0, 1)[:, None] * np.clip(
+        width / 2 + 0.5 - across, 0, 1)
+    return support.astype(np.float32)
 
 
 def taper(length: int) -> Array:

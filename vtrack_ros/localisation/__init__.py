@@ -22,7 +22,9 @@ when tracking has failed, `localiser` composes them. Beside them, `upright_searc
 for targets that turn, `mean_shift` climbs a response and fuses [Yin2013].
 """
 
+from vtrack_ros.localisation.guided_search import Found, GuidedSearch
+from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.search_window import ResponseMap
 
-__all__ = ['Localiser', 'ResponseMap']
+__all__ = ['Found', 'GuidedSearch', 'Hypotheses', 'Localiser', 'ResponseMap']

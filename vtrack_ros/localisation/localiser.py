@@ -1,5 +1,6 @@
 """Localises one target frame by frame: what every tracker of this package holds."""
 
+from copy import copy
 from dataclasses import replace
 import math
 
@@ -10,7 +11,8 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
 from vtrack_ros.localisation.redetection import Redetection
-from vtrack_ros.localisation.search_window import inside, ResponseMap, WindowLayout
+from vtrack_ros.localisation.search_window import (
+    COARSE, FINE, inside, ResponseMap, WindowLayout)
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
 
@@ -32,13 +34,15 @@ class Localiser:
     Localises a target in each frame, updates its model, and notices when tracking has failed.
 
     It's made on the first frame, with the target's centre and size in pixels. The generator draws
-    the places that re-detection searches, `searches` in each frame after a failure.
+    the places that re-detection searches, `searches` in each frame after a failure. A `confined`
+    one's filter sees the target alone, in a finer window.
     """
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
-                 searches: int = 2) -> None:
-        window = WindowLayout.around(*size).window(frame, center, size)
-        model = TargetModel.create(window)
+                 searches: int = 2, confined: bool = False) -> None:
+        layout = WindowLayout.around(*size, FINE if confined else COARSE)
+        window = layout.window(frame, center, size)
+        model = TargetModel.create(window, confined)
         self._template = InitialTemplate.of(model, window)
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
         self._first_size = size
@@ -79,13 +83,26 @@ class Localiser:
         """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
         return self._presence.unseen_frames
 
+    @property
+    def similarity(self) -> float:
+        """Return the place's similarity to the initial template, when it was last verified."""
+        return self._similarity
+
+    @property
+    def snapshot(self) -> TargetSnapshot:
+        """Return what is known of the target now."""
+        return self._live
+
     def localise(self, frame: Frame, center: Point) -> ResponseMap:
         """Return the response about a place, in pixels; nothing changes."""
         return self._live.localise(frame, center)
 
-    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float) -> bool:
+    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
+               search: bool = True) -> bool:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
+
+        After a failure it's searched elsewhere too, unless somebody else does that.
 
         Returns whether the target was found again elsewhere. Where it wasn't, the centre is the
         given one, or next to it: near the border of the response's window a place is localised
@@ -98,7 +115,7 @@ class Localiser:
             self._judge(before, response.peak, dt)
         else:
             verdict = self._failure.update(
-                frame, self._live, self._similarity, response.peak, dt)
+                frame, self._live, self._similarity, response.peak, dt, search)
             self._live, self._similarity = verdict.live, verdict.similarity
             elsewhere = verdict.elsewhere
             if verdict.over:
@@ -109,6 +126,13 @@ class Localiser:
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
         self._live = replace(self._live, center=center)
+
+    def resume(self, snapshot: TargetSnapshot, beside: 'Localiser') -> None:
+        """Go on from what was known, at the place of another localiser of the same target."""
+        self._live = replace(snapshot, center=beside.center, size=self._bounded(beside.size))
+        self._failure = None
+        self._velocity = VelocityEstimate(beside._velocity.velocity)
+        self._presence = copy(beside._presence)
 
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:
@@ -181,8 +205,8 @@ class VelocityEstimate:
     its end right.
     """
 
-    def __init__(self) -> None:
-        self.velocity: Point = (0.0, 0.0)
+    def __init__(self, velocity: Point = (0.0, 0.0)) -> None:
+        self.velocity = velocity
         self._latest: tuple[Point, float] | None = None
 
     def begin(self, center: Point, dt: float) -> None:

@@ -70,9 +70,9 @@ class Redetection:
         return known / _DRIFT, known * _DRIFT
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
-               dt: float) -> Verdict:
+               dt: float, search: bool = True) -> Verdict:
         """
-        Judge the live place, and search with the snapshot.
+        Judge the live place, and search with the snapshot, unless not wanted.
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it.
@@ -89,7 +89,7 @@ class Redetection:
             return Verdict(replace(live, usual_similarity=similarity), similarity, over=True)
         if self._trusted_frames >= _TRUSTED_FRAMES:
             return Verdict(live, similarity, over=True)
-        place, found = self._best_place(frame, live.center)
+        place, found = self._best_place(frame, live.center) if search else (live.center, -np.inf)
         if found < max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN)):
             return Verdict(live, similarity)
         self._jump_frames += 1

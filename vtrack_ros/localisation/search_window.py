@@ -19,8 +19,8 @@ from vtrack_ros.frame import Array, Frame, Point
 _CELL = 3
 #: Side of a cell in pixels of the colour model.
 _DETAIL = 2
-#: Cells of the window, all together.
-_CELLS = 22 * 22
+#: Cells of the window, all together: of a coarse one, and of a fine one.
+COARSE, FINE = 22 * 22, 28 * 28
 #: Width of the surroundings in the window, as a share of the target's mean side.
 _CONTEXT = 1.5
 #: A place with less than this share of a window's highest response is a lesser maximum.
@@ -82,11 +82,11 @@ class WindowLayout:
     SAMPLES, DETAIL = _CELL, _DETAIL
 
     @classmethod
-    def around(cls, width: float, height: float) -> WindowLayout:
-        """Lay out the window for a target of that size, in pixels."""
+    def around(cls, width: float, height: float, cells: int = COARSE) -> WindowLayout:
+        """Lay out the window of about so many cells for a target of that size, in pixels."""
         context = _CONTEXT * (width + height) / 2
         window_x, window_y = width + context, height + context
-        density = np.sqrt(_CELLS / (window_x * window_y))
+        density = np.sqrt(cells / (window_x * window_y))
         rows, columns = (max(8, 2 * round(density * side / 2)) for side in (window_y, window_x))
         return cls(rows, columns, (window_x / width, window_y / height))
 
@@ -134,7 +134,7 @@ class ResponseMap:
     @cached_property
     def center(self) -> Point:
         """Return where the highest response is, in pixels, to a part of a cell."""
-        return self._maximum(self.highest)
+        return self.maximum(self.highest)
 
     def cells(self, points: Array) -> Array:
         """Return points, shape (N, 2) in pixels, in cells of the map."""
@@ -187,11 +187,11 @@ class ResponseMap:
             near = self.values[top:row + 3, left:column + 3]
             up, across = divmod(int(near.argmax()), near.shape[1])
             if (top + up, left + across) == (row, column):
-                return self._maximum((column, row))
+                return self.maximum((column, row))
             row, column = top + up, left + across
         return self.center
 
-    def _maximum(self, cell: tuple[int, int]) -> Point:
+    def maximum(self, cell: tuple[int, int]) -> Point:
         """Return the place, in pixels, of a maximum in a cell (column, row)."""
         column, row = cell
         x, y = subcell_offset(self.values, row, column)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.colour_model import box_mean, ColourModel
+from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import CorrelationFilter, ScaleRegression
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.search_window import ResponseMap, SearchWindow, WindowLayout
@@ -40,12 +41,14 @@ class TargetModel:
     scale: ScaleRegression
 
     @classmethod
-    def create(cls, window: SearchWindow) -> TargetModel:
-        """Learn the target in the middle of a window."""
+    def create(cls, window: SearchWindow, confined: bool = False) -> TargetModel:
+        """Learn the target in the middle of a window; the filter of a confined one sees it alone."""
         layout, middle = window.layout, (0.0, 0.0)
         width, height = layout.target
         correlation = CorrelationFilter.create(
             layout.rows, layout.columns, _LABEL_WIDTH * float(np.sqrt(width * height)))
+        if confined:
+            correlation = ConstrainedFilter.within(width, height, correlation)
         scale = ScaleRegression.create(layout.SAMPLES * width, layout.SAMPLES * height)
         return cls(
             layout, correlation.updated(window.spectrum, 1.0),

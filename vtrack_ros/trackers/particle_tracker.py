@@ -1,6 +1,7 @@
 """Particle filters over the target's place: one tracker, three proposals."""
 
 from abc import abstractmethod
+from dataclasses import replace
 from functools import partial
 import math
 
@@ -9,9 +10,9 @@ import numpy as np
 from vtrack_ros.estimation import (
     ConstantVelocity, GaussianFilterProposal, GaussianNoise, GreyProposal, ParticleFilter,
     PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, spread_about)
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.localisation import Found, GuidedSearch, Hypotheses
 from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING, WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
@@ -20,6 +21,8 @@ from vtrack_ros.tracker import Estimate, Tracker
 _MEASURED_ERROR = 0.05
 #: The model of motion is made anew when the target's size has changed by this share.
 _OTHER_SIZE = 0.1
+#: Particles whose mean is further than that from the target, in sides, are carried to it.
+_CARRIED = 0.25
 #: Standard deviations of place and velocity at the start, as shares of the mean side.
 _START = np.array([0.03, 0.03, 0.05, 0.05])
 
@@ -41,14 +44,22 @@ class ParticleTracker(Tracker):
     """
 
     PARAMETERS = _SHARED
-    _localiser: Localiser
+    _localiser: Hypotheses
+    _search: GuidedSearch
     _filter: ParticleFilter
 
     @abstractmethod
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         """Return the proposal for a model of motion."""
 
-    def _measured(self, response: ResponseMap) -> tuple[Array, GaussianNoise] | tuple[None, None]:
+    def _forecast(self, dt: float) -> Point | None:
+        """Return where this filter expects the target, in pixels, or None if it can't say."""
+        belief = self._filter.belief
+        mean = belief.weights.values @ belief.states
+        x, y = self._filter.model.transition(mean[None], dt, belief.time)[0, :2]
+        return float(x), float(y)
+
+    def _measured(self, found: Found) -> tuple[Array, GaussianNoise] | tuple[None, None]:
         """Return the measured centre and its error, for a proposal that uses them."""
         return None, None
 
@@ -57,7 +68,8 @@ class ParticleTracker(Tracker):
         self._side = 0.0
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
+        self._localiser = Hypotheses(frame, box.center, (box.width, box.height), self._rng)
+        self._search = GuidedSearch(frame, self._localiser)
         self._restart()
         return self._localiser.estimate(
             np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
@@ -65,19 +77,21 @@ class ParticleTracker(Tracker):
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adapt()
         localiser = self._localiser
-        response = localiser.localise(frame, localiser.center)
-        center, error = self._measured(response)
+        found = self._search.search(frame, dt, self._forecast(dt))
+        response = found.response
+        center, error = self._measured(found)
         proposed = self._filter.propose(center, dt, error)
         boxes = self._boxes(proposed.states)
         likelihood = response.sample(proposed.states[:, :2])
         likelihood *= 1 / (float(self._parameters['temperature']) * localiser.usual_response)
         weights = self._filter.weight(proposed, likelihood, dt).weights.values
         mean = weights @ boxes
-        place = response.local_maximum((float(mean[0]), float(mean[1])))
-        if localiser.update(frame, response, response.unless_dominated(place), dt):
+        elsewhere = localiser.update(frame, response, found.place, dt)
+        self._search.follow(dt, elsewhere)
+        if elsewhere:
             self._restart()
         else:
-            self._correct()
+            self._correct(mean[:2])
         return localiser.estimate(spread_about(mean, boxes, weights), particles=boxes)
 
     def _adapt(self) -> None:
@@ -106,9 +120,15 @@ class ParticleTracker(Tracker):
         self._filter.start(
             np.array([*self._localiser.center, 0.0, 0.0]), np.diag((_START * side)**2))
 
-    def _correct(self) -> None:
-        """Let the forecast build on the target's place, not on the particles' mean."""
-        estimates = self._filter.belief.estimates
+    def _correct(self, mean: Array) -> None:
+        """Let the forecast build on the target's place; far from it, carry the particles there."""
+        step = np.subtract(self._localiser.center, mean)
+        belief = self._filter.belief
+        if math.hypot(*step) > _CARRIED * self._side:
+            states = belief.states.copy()
+            states[:, :2] += step
+            belief = self._filter.belief = replace(belief, states=states)
+        estimates = belief.estimates
         if estimates:
             latest = estimates[-1].copy()
             latest[:2] = self._localiser.center
@@ -156,10 +176,15 @@ class GreyParticleFilter(ParticleTracker):
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
         parameters = self._parameters
-        return GreyProposal(
+        self._grey = GreyProposal(
             int(parameters['window']), float(parameters['floor']), spread='moved',
             prior_share=float(parameters['prior_share']),
             densities=parameters['weighting'] == 'full', velocities={2: 0, 3: 1})
+        return self._grey
+
+    def _forecast(self, dt: float) -> Point | None:
+        forecast = self._grey.forecast(self._filter.belief, dt)
+        return None if forecast is None else (float(forecast[0]), float(forecast[1]))
 
 
 class PrunedQuadratureParticleFilter(ParticleTracker):
@@ -177,11 +202,11 @@ class PrunedQuadratureParticleFilter(ParticleTracker):
         rule = partial(pruned_gauss_hermite, order=int(self._parameters['order']))
         return GaussianFilterProposal(SigmaPointFilter(model, rule))
 
-    def _measured(self, response: ResponseMap) -> tuple[Array, GaussianNoise] | tuple[None, None]:
-        """Measure the centre where the response is highest, while the target is seen."""
+    def _measured(self, found: Found) -> tuple[Array, GaussianNoise] | tuple[None, None]:
+        """Measure the centre where the search has found it, while the target is seen."""
         localiser = self._localiser
         if localiser.unseen_frames:
             return None, None
-        quality = min(max(response.peak / localiser.usual_response, 0.2), 1.0)
+        quality = min(max(found.response.peak / localiser.usual_response, 0.2), 1.0)
         error = _MEASURED_ERROR * math.sqrt(math.prod(localiser.size)) / quality
-        return np.array(response.center), GaussianNoise.from_covariance(error**2 * np.eye(2))
+        return np.array(found.place), GaussianNoise.from_covariance(error**2 * np.eye(2))

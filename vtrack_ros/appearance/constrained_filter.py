@@ -1,0 +1,86 @@
+"""A correlation filter that sees the target alone, whatever is behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.regression import (
+    box_support, CorrelationFilter, fourier_matrices, inverse_maps, Spectrum, transformed_maps)
+from vtrack_ros.frame import Point
+
+#: Ridge of the filter [Lukezic2017, lambda], and the penalty of the first step, by what it grows.
+_RIDGE, _PENALTY, _GROWTH = 0.01, 5.0, 3.0
+_STEPS = 2
+#: It's learned from every so manieth example.
+_EVERY = 2
+#: The least answer of a channel to what it was learned from.
+_LEAST = 1e-4
+
+
+@dataclass(frozen=True)
+class ConstrainedFilter(CorrelationFilter):
+    """
+    A correlation filter whose support is the target's box, so that no background is in it.
+
+    A filter that was learned from a whole window follows the ground where the camera follows the
+    target. Confining it afterwards isn't the same as learning what can be told from the box alone,
+    which the alternating direction method of multipliers does, one channel at a time [Lukezic et
+    al. 2017, eqs 6-10]: the numerator is the filter itself. Channels count by their own response
+    to the example [eq. 11].
+
+    `support`, shape (rows, columns), is 1 within half the target's size of the corner (0, 0), as
+    the transform has it, and 0 elsewhere.
+    """
+
+    support: NDArray[np.float32]
+    examples: int = 0
+
+    @classmethod
+    def within(cls, width: float, height: float, empty: CorrelationFilter) -> ConstrainedFilter:
+        """Make an empty filter for a target of that size in cells, otherwise like another."""
+        rows, columns = empty.shape
+        return cls(np.zeros((1, *empty.label.shape), np.complex64),
+                   np.ones(empty.label.shape, np.float32), empty.label, empty.shape, 0.0,
+                   box_support(rows, columns, width, height))
+
+    def updated(self, spectrum: Spectrum, rate: float,
+                shift: Point = (0.0, 0.0)) -> ConstrainedFilter:
+        """Return the filter after one more example; see `CorrelationFilter.updated`."""
+        if rate < 1 and self.examples % _EVERY:
+            return replace(self, examples=self.examples + 1)
+        learned = self._learned(spectrum, shift)
+        if rate < 1:
+            kept = np.float32((1 - rate)**_EVERY)
+            learned *= 1 - kept
+            learned += kept * self.numerator
+        return replace(self, numerator=learned, examples=self.examples + 1)
+
+    def _learned(self, spectrum: Spectrum, shift: Point) -> Spectrum:
+        """Return the constrained filter of one example."""
+        over_rows, over_columns = fourier_matrices(*self.shape)
+        wanted = self.label * np.exp(shift[1] * over_rows)
+        wanted *= np.exp(shift[0] * over_columns)
+        cross = wanted * spectrum
+        energy = spectrum.real**2 + spectrum.imag**2
+        penalty, ridge = np.float32(_PENALTY), np.float32(_RIDGE / 2 / self.support.size)
+        confined = self._confined(cross / (energy + np.float32(_RIDGE)))
+        multiplier = np.zeros_like(confined)
+        for _ in range(_STEPS):
+            free = (cross + penalty * confined - multiplier) / (energy + penalty)
+            confined = self._confined(multiplier + penalty * free)
+            confined /= ridge + penalty
+            multiplier += penalty * (free - confined)
+            penalty *= np.float32(_GROWTH)
+        answers = inverse_maps(confined.conj() * spectrum).reshape(len(spectrum), -1).max(axis=1)
+        reliability = np.maximum(answers, _LEAST)
+        confined *= (reliability / reliability.sum())[:, None, None]
+        return confined
+
+    def _confined(self, spectrum: Spectrum) -> Spectrum:
+        """Return the spectrum of what is within the support."""
+        maps = inverse_maps(spectrum)
+        maps *= self.support
+        return transformed_maps(maps)

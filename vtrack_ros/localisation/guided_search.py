@@ -1,0 +1,147 @@
+"""Where to look for the target, and which of the places found is it: by motion and by look."""
+
+from dataclasses import dataclass
+import math
+
+import cv2
+import numpy as np
+
+from vtrack_ros.appearance.camera_motion import CameraMotion
+from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
+from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.hypotheses import Hypotheses
+from vtrack_ros.localisation.search_window import inside, ResponseMap
+
+#: Below this share of the usual response, or after so many frames' time, more windows are searched.
+_LOW, _LONG = 0.75, 1.5
+#: Windows nearer than that to one that is searched, in sides of the target, aren't searched.
+_APART = 0.4
+#: Distance of the windows around, in windows.
+_AROUND = 0.5
+#: A maximum below this share of the highest one isn't a candidate.
+_CANDIDATE = 0.6
+#: Maxima nearer to a higher one than that, in sides, are of the same thing.
+_DISTINCT = 0.5
+#: Share of the usual response that makes a factor of e in the likelihood.
+_TEMPERATURE = 0.07
+#: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
+_VELOCITY_RATE, _FADING = 0.4, 0.9
+
+
+@dataclass(frozen=True)
+class Found:
+    """
+    What a search brought: the response in the best window, and the target's place, in pixels.
+
+    `overruled` tells whether motion chose another place than the highest response.
+    """
+
+    response: ResponseMap
+    place: Point
+    overruled: bool
+
+
+class GuidedSearch:
+    """
+    Searches the target where it's expected.
+
+    Several forecasts say where: that it stays, goes on with its velocity, moves with the camera,
+    goes on besides that, and what a tracker's own filter says. The window is put at the one with
+    the best record. Where the response is too low there, or time has passed, windows at the others
+    and all around are searched too. Of the maxima that are found in all of them that one is
+    believed whose response and whose place are the most probable together: the target's double
+    answers as well, but isn't where the target has to be.
+    """
+
+    def __init__(self, frame: Frame, target: Hypotheses) -> None:
+        self._target = target
+        self._camera = CameraMotion(frame)
+        self._mixture = ForecastMixture()
+        self._start = target.center
+        self._forecasts: dict[str, Point] = {}
+        self._shift: Point | None = None
+        self._velocity = self._own_velocity = np.zeros(2)
+
+    def search(self, frame: Frame, dt: float, own: Point | None = None) -> Found:
+        """Return where the target is; `own` is the tracker's own forecast, in pixels."""
+        target = self._target
+        self._start = target.center
+        self._shift = self._camera.update(frame)
+        self._forecasts = self._forecast(dt, own)
+        expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
+        maps = [target.localise(frame, expected)]
+        if maps[0].peak < _LOW * target.usual_response or dt > _LONG:
+            maps += [target.localise(frame, place) for place in self._others(frame, expected)]
+        return self._chosen(maps, dt)
+
+    def follow(self, dt: float, elsewhere: bool) -> None:
+        """Learn from where the target is now, unless that is `elsewhere`, or uncertain."""
+        target = self._target
+        if elsewhere or target.uncertain:
+            self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
+            return
+        step = np.subtract(target.center, self._start)
+        self._mixture.update(target.center, self._forecasts, self._side)
+        self._velocity = (1 - _VELOCITY_RATE) * self._velocity + _VELOCITY_RATE * step / dt
+        if self._shift is not None:
+            own = (step - self._shift) / dt
+            self._own_velocity = (1 - _VELOCITY_RATE) * self._own_velocity + _VELOCITY_RATE * own
+
+    @property
+    def _side(self) -> float:
+        return math.sqrt(math.prod(self._target.size))
+
+    def _forecast(self, dt: float, own: Point | None) -> dict[str, Point]:
+        """Return where the target is expected, by name of the forecast, in pixels."""
+        forecasts = {STAYING: self._start, 'moving': _moved(self._start, dt * self._velocity)}
+        if self._shift is not None:
+            with_camera = _moved(self._start, self._shift)
+            forecasts['with camera'] = with_camera
+            forecasts['beside camera'] = _moved(with_camera, dt * self._own_velocity)
+        if own is not None:
+            forecasts['own'] = own
+        return forecasts
+
+    def _others(self, frame: Frame, expected: Point) -> list[Point]:
+        """Return places for more windows: the other forecasts', and eight around."""
+        target, least = self._target, _APART * self._side
+        width, height = (_AROUND * size * reach for size, reach in zip(target.size, target.reach))
+        around = [(expected[0] + x * width, expected[1] + y * height)
+                  for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
+        places = [expected]
+        for place in (*self._forecasts.values(), *around):
+            place = inside(place, frame)
+            if min(math.dist(place, other) for other in places) > least:
+                places.append(place)
+        return places[1:]
+
+    def _chosen(self, maps: list[ResponseMap], dt: float) -> Found:
+        """Return the most probable of all maxima."""
+        every = [(place, response, value) for response in maps
+                 for place, value in maxima(response, _CANDIDATE)]
+        found = []
+        for candidate in sorted(every, key=lambda each: -each[2]):
+            if all(math.dist(candidate[0], better[0]) > _DISTINCT * self._side
+                   for better in found):
+                found.append(candidate)
+        values = np.array([value for _, _, value in found])
+        places = np.array([place for place, _, _ in found])
+        scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
+        scores += self._mixture.log_density(places, self._forecasts, self._side, dt)
+        best = int(scores.argmax())
+        place, response, value = found[best]
+        return Found(response, place, value < values.max())
+
+
+def maxima(response: ResponseMap, share: float) -> list[tuple[Point, float]]:
+    """Return the local maxima, in pixels, and their values, down to a share of the highest."""
+    values = response.values
+    highest = cv2.dilate(values, np.ones((3, 3), np.uint8))
+    least = min(share * response.peak, response.peak)
+    rows, columns = np.nonzero((values >= highest) & (values >= least))
+    return [(response.maximum((column, row)), values.item(row, column))
+            for row, column in zip(rows.tolist(), columns.tolist())]
+
+
+def _moved(place: Point, step: np.ndarray | Point) -> Point:
+    return float(place[0] + step[0]), float(place[1] + step[1])

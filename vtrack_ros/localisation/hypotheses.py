@@ -1,0 +1,141 @@
+"""Two models of one target, side by side, and which of them is believed."""
+
+import math
+
+import numpy as np
+
+from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.localiser import Localiser
+from vtrack_ros.localisation.search_window import inside, ResponseMap
+from vtrack_ros.tracker import Estimate
+
+#: Weight of the latest frame in the running mean of a model's similarity.
+_RATE = 1 / 7
+#: The other model takes over when it's so much more similar to what it saw at first; it starts
+#: again beside the leader when it's been so much less similar for so many frames.
+_TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
+#: Boxes that overlap less than that are of different places.
+_TOGETHER = 0.5
+#: The other model stays at its own maximum where that has this share of the highest response.
+_LEVEL = 0.8
+#: The least that a similarity is taken for.
+_LEAST = 0.01
+
+
+class Hypotheses:
+    """
+    Localises a target with two models, and believes the one that is more like its first frame.
+
+    A filter that's learned with the surroundings tells the target from them best, but where the
+    camera follows the target it learns the ground behind it. A filter that sees the target alone
+    can't, but is easily led astray by whatever resembles it. No single one is right everywhere,
+    so both are hypotheses, each with its own place, and the decision is one over time: by the
+    running means of how similar each one's place is to its own initial template. Whoever is wrong
+    for long starts again at the leader's place, with what it knew when they last agreed.
+
+    It's asked, and told, like a `Localiser`; the leader answers.
+    """
+
+    def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
+                 searches: int = 2) -> None:
+        self._leader = Localiser(frame, center, size, rng, searches)
+        self._other = Localiser(frame, center, size, rng, searches, confined=True)
+        self._similarities = {self._leader: 1.0, self._other: 1.0}
+        self._agreed = {each: each.snapshot for each in self._similarities}
+        self._frames = self._apart = 0
+
+    @property
+    def center(self) -> Point:
+        """Return the target's centre, in pixels."""
+        return self._leader.center
+
+    @property
+    def size(self) -> Point:
+        """Return the target's (width, height), in pixels."""
+        return self._leader.size
+
+    @property
+    def reach(self) -> Point:
+        """Return the search window's (width, height) in units of the target's."""
+        return self._leader.reach
+
+    @property
+    def usual_response(self) -> float:
+        """Return the running mean of the highest response, which is positive."""
+        return self._leader.usual_response
+
+    @property
+    def uncertain(self) -> bool:
+        """Tell whether tracking has failed, so that the target is searched elsewhere too."""
+        return self._leader.uncertain
+
+    @property
+    def unseen_frames(self) -> float:
+        """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
+        return self._leader.unseen_frames
+
+    def localise(self, frame: Frame, center: Point) -> ResponseMap:
+        """Return the response about a place, in pixels; nothing changes."""
+        return self._leader.localise(frame, center)
+
+    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float) -> bool:
+        """
+        Take the place that a tracker decided for; see `Localiser.update`.
+
+        Returns whether the target is elsewhere: found again, or where the other model has it.
+        """
+        before = self.center
+        elsewhere = self._leader.update(frame, response, center, dt)
+        self._update_other(frame, before, dt)
+        self._frames += 1
+        rate = max(_RATE, 1 / self._frames)
+        for each, mean in self._similarities.items():
+            self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
+        return self._decide() or elsewhere
+
+    def move_to(self, center: Point) -> None:
+        """Put the target at another place, in pixels: the same one, in other coordinates."""
+        self._leader.move_to(center)
+
+    def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
+                 affine: Array | None = None, box: Box | None = None) -> Estimate:
+        """Return the leader's estimate; see `Localiser.estimate`."""
+        return self._leader.estimate(covariance, angle, particles, affine, box)
+
+    def _update_other(self, frame: Frame, before: Point, dt: float) -> None:
+        """Let the other model follow its own maximum; about the leader's place, if it's near."""
+        other, leader = self._other, self._leader
+        center = other.center
+        if math.dist(center, before) < math.sqrt(math.prod(other.size)):
+            center = inside((center[0] + leader.center[0] - before[0],
+                             center[1] + leader.center[1] - before[1]), frame)
+        response = other.localise(frame, center)
+        place = response.local_maximum(center)
+        if response.sample_one(place) < _LEVEL * response.peak:
+            place = response.center
+        # the leader is what it's found by: two that search each by itself err twice as often
+        other.update(frame, response, place, dt, search=False)
+
+    def _decide(self) -> bool:
+        """Tell whether the other model takes over; or let it start again at the leader's place."""
+        leader, other = self._leader, self._other
+        if _box(leader).iou(_box(other)) >= _TOGETHER:
+            self._apart = 0
+            self._agreed = {each: each.snapshot for each in self._similarities}
+            return False
+        self._apart += 1
+        believed, rival = self._similarities[leader], self._similarities[other]
+        if rival > _TAKES_OVER * believed:
+            self._leader, self._other = other, leader
+            self._apart = 0
+            return True
+        if self._apart >= _APART and rival * _GIVES_UP < believed:
+            other.resume(self._agreed[other], leader)
+            self._similarities[other] = believed / _GIVES_UP
+            self._apart = 0
+        return False
+
+
+def _box(localiser: Localiser) -> Box:
+    return Box.from_center(*localiser.center, *localiser.size)
