@@ -96,7 +96,9 @@ class Hypotheses:
 
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
-        self._leader.move_to(center)
+        x, y = np.subtract(center, self.center).tolist()
+        for each in (self._leader, self._other):
+            each.move_to((each.center[0] + x, each.center[1] + y))
 
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:

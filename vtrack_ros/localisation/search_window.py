@@ -171,11 +171,11 @@ class ResponseMap:
             for down in (0, 1) for right in (0, 1)
             if 0 <= row + down < rows and 0 <= column + right < columns)
 
-    def unless_dominated(self, place: Point) -> Point:
-        """Return a place, in pixels, or the highest response's where that's clearly higher."""
-        if place == self.center or self.sample_one(place) >= _LEVEL * self.peak:
+    def unless_dominated(self, place: Point, better: Point) -> Point:
+        """Return a place, in pixels, or a better one where the response is clearly higher."""
+        if self.sample_one(place) >= _LEVEL * self.sample_one(better):
             return place
-        return self.center
+        return better
 
     def local_maximum(self, start: Point) -> Point:
         """Return the local maximum of the response that is uphill from a place, in pixels."""

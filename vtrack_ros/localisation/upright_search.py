@@ -8,7 +8,7 @@ import numpy as np
 
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
-from vtrack_ros.localisation.localiser import Localiser
+from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.search_window import ResponseMap
 
 #: When the response falls short of this share of the usual one, another rotation is tried if it
@@ -74,7 +74,7 @@ class UprightSearch:
     places go through that rotation on the way in and out.
     """
 
-    def __init__(self, localiser: Localiser) -> None:
+    def __init__(self, localiser: Hypotheses) -> None:
         self._localiser = localiser
         self.angle = 0.0
         """The rotation that was undone in the last frame, in radians."""
@@ -97,7 +97,7 @@ class UprightSearch:
 
     def update(self, found: UprightResponse, center: Array, dt: float) -> bool:
         """
-        Do as `Localiser.update` with a place in the frame, shape (2,), and what `localise` found.
+        Do as `Hypotheses.update` with a place in the frame, shape (2,), and what `localise` found.
 
         A target that was found again beyond the part that was turned is taken to be upright.
         """

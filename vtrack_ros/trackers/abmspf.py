@@ -5,7 +5,7 @@ import numpy as np
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import SIGMA
-from vtrack_ros.localisation import Localiser, ResponseMap
+from vtrack_ros.localisation import GuidedSearch, Hypotheses, ResponseMap
 from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import climb, climbing_weights, fuse
 from vtrack_ros.parameters import Parameter, ParameterTable
@@ -25,11 +25,12 @@ class MeanShiftParticleFilter(Tracker):
     """
     Mean shift and few particles on the response map, in place of pixels' colours [Yin2013].
 
-    As in the paper, a climb from the last place gives y_ms, the best particle gives y_pf, the two
-    are fused by their distance and the similarity (eqs 13-15), the particles converge on the
-    result and are redrawn about it. What differs is what is climbed: not the colour histogram's
-    weights, but the response of a discriminative model, of which zeta is the share of the usual
-    one. When the fused place is null, the extended search starts with the window's best place.
+    As in the paper, a climb gives y_ms, the best particle gives y_pf, the two are fused by their
+    distance and the similarity (eqs 13-15). What differs is what is climbed: not the colour
+    histogram's weights, but the response of a discriminative model, of which zeta is the share of
+    the usual one; and where the climb starts and the particles are drawn: the place that the
+    guided search has found, to which the target's last step is one more forecast. When the fused
+    place is null, that one is believed.
 
     The bandwidth follows the size that the model finds. The angle is 0: the second moments of a
     foreground map turn with limbs and background rather than with the target.
@@ -46,7 +47,8 @@ class MeanShiftParticleFilter(Tracker):
         """Every parameter is read when it's needed."""
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
+        self._localiser = Hypotheses(frame, box.center, (box.width, box.height), self._rng)
+        self._search = GuidedSearch(frame, self._localiser)
         self._velocity = np.zeros(2)
         return self._localiser.estimate(
             np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
@@ -54,19 +56,23 @@ class MeanShiftParticleFilter(Tracker):
     def _update(self, frame: Frame, dt: float) -> Estimate:
         localiser, values = self._localiser, self._parameters
         before = localiser.center
-        response = localiser.localise(frame, before)
+        step = dt * float(values['inertia']) * self._velocity
+        found = self._search.search(
+            frame, dt, (before[0] + float(step[0]), before[1] + float(step[1])))
+        response, start = found.response, found.place
         weights = climbing_weights(response.values)
-        climbed = self._climbed(response, weights, before)
-        points = self._drawn(before) + dt * float(values['inertia']) * self._velocity
+        climbed = self._climbed(response, weights, start)
+        points = self._drawn(start)
         best = points[int(response.sample(points).argmax())]
         zeta = min(response.sample_one(climbed) / localiser.usual_response, 1.0)
         place = fuse(
             zeta, climbed, self._climbed(response, weights, (best[0], best[1])), SIGMA,
             max(localiser.size) / 2, float(values['accepted']), float(values['rejected']))
-        center = response.unless_dominated(response.center if place is None else place)
+        center = start if place is None else response.unless_dominated(place, start)
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
         elsewhere = localiser.update(frame, response, center, dt)
+        self._search.follow(dt, elsewhere)
         step = np.subtract(localiser.center, before) / dt
         self._velocity = np.zeros(2) if elsewhere else (self._velocity + step) / 2
         return localiser.estimate(covariance, particles=self._boxes(points))

@@ -9,7 +9,7 @@ from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import GroupParticles
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
-from vtrack_ros.localisation import Localiser
+from vtrack_ros.localisation import Hypotheses
 from vtrack_ros.localisation.filter_parameters import (
     AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS)
 from vtrack_ros.localisation.upright_search import UprightResponse, UprightSearch
@@ -77,7 +77,7 @@ class AffineKeypointParticleFilter(Tracker):
         self._memory = KeypointMemory(self._size)
         self._measured_pose(frame, self._state[:2, 2], _FIRST_REACH)
         self._remember_keypoints()
-        self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
+        self._localiser = Hypotheses(frame, box.center, (box.width, box.height), self._rng)
         self._upright = UprightSearch(self._localiser)
         return self._estimate(np.full(count, 1 / count))
 
