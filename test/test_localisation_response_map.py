@@ -53,8 +53,9 @@ def test_uphill_leads_to_a_lesser_top_from_its_hill_unless_it_is_dominated():
         found = response(np.maximum(hill(3.0, -2.0, 1.0), hill(-6.0, 4.0, height)))
         lesser = found.local_maximum(place(-5.0, 5.0))
         assert lesser == (pytest.approx(place(-6.0, 4.0)[0]), pytest.approx(place(-6.0, 4.0)[1]))
-        assert found.unless_dominated(lesser) == (lesser if believed else found.center)
-    assert found.unless_dominated(found.center) == found.center
+        assert found.unless_dominated(lesser, found.center) == (
+            lesser if believed else found.center)
+    assert found.unless_dominated(found.center, lesser) == found.center
 
 
 def test_the_highest_at_the_border_is_at_its_cell():

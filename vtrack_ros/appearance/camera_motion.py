@@ -8,8 +8,10 @@ from vtrack_ros.frame import Frame, Point
 
 #: Columns of the sparse grid of pixels that is compared, at most twice as many.
 _COLUMNS = 64
+#: A grid with fewer rows or columns shows nothing.
+_SMALLEST = 8
 #: Share of the correlation's energy in its peak below which nothing is known.
-_RELIABLE = 0.15
+_RELIABLE = 0.45
 
 
 class CameraMotion:
@@ -21,12 +23,15 @@ class CameraMotion:
 
     def __init__(self, frame: Frame) -> None:
         self._latest, self._stride = self._sampled(frame)
-        self._taper = cv2.createHanningWindow(self._latest.shape[::-1], cv2.CV_32F)
+        rows, columns = self._latest.shape
+        self._taper = np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
 
     def update(self, frame: Frame) -> Point | None:
         """Return by how much the picture moved since the last frame, in pixels, or None."""
         before = self._latest
         self._latest, _ = self._sampled(frame)
+        if min(before.shape) < _SMALLEST:
+            return None
         (x, y), reliability = cv2.phaseCorrelate(before, self._latest, self._taper)
         if reliability < _RELIABLE:
             return None

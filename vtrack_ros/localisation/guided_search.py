@@ -12,7 +12,7 @@ from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 
-#: Below this share of the usual response, or after so many frames' time, more windows are searched.
+#: Below this share of the usual response, or after so many frames, more windows are searched.
 _LOW, _LONG = 0.75, 1.5
 #: Windows nearer than that to one that is searched, in sides of the target, aren't searched.
 _APART = 0.4
@@ -119,7 +119,7 @@ class GuidedSearch:
         """Return the most probable of all maxima."""
         every = [(place, response, value) for response in maps
                  for place, value in maxima(response, _CANDIDATE)]
-        found = []
+        found: list[tuple[Point, ResponseMap, float]] = []
         for candidate in sorted(every, key=lambda each: -each[2]):
             if all(math.dist(candidate[0], better[0]) > _DISTINCT * self._side
                    for better in found):

@@ -42,7 +42,7 @@ class TargetModel:
 
     @classmethod
     def create(cls, window: SearchWindow, confined: bool = False) -> TargetModel:
-        """Learn the target in the middle of a window; the filter of a confined one sees it alone."""
+        """Learn the target in the middle of a window; a confined filter sees it alone."""
         layout, middle = window.layout, (0.0, 0.0)
         width, height = layout.target
         correlation = CorrelationFilter.create(

@@ -28,9 +28,9 @@ class MeanShiftParticleFilter(Tracker):
     As in the paper, a climb gives y_ms, the best particle gives y_pf, the two are fused by their
     distance and the similarity (eqs 13-15). What differs is what is climbed: not the colour
     histogram's weights, but the response of a discriminative model, of which zeta is the share of
-    the usual one; and where the climb starts and the particles are drawn: the place that the
-    guided search has found, to which the target's last step is one more forecast. When the fused
-    place is null, that one is believed.
+    the usual one; and where the climb starts: at the place that the guided search has found, which
+    is believed when the fused one is null. The particles are drawn about the tracker's own
+    forecast, which repeats a part of the last step.
 
     The bandwidth follows the size that the model finds. The angle is 0: the second moments of a
     foreground map turn with limbs and background rather than with the target.
@@ -57,12 +57,12 @@ class MeanShiftParticleFilter(Tracker):
         localiser, values = self._localiser, self._parameters
         before = localiser.center
         step = dt * float(values['inertia']) * self._velocity
-        found = self._search.search(
-            frame, dt, (before[0] + float(step[0]), before[1] + float(step[1])))
+        forecast = before[0] + float(step[0]), before[1] + float(step[1])
+        found = self._search.search(frame, dt, forecast)
         response, start = found.response, found.place
         weights = climbing_weights(response.values)
         climbed = self._climbed(response, weights, start)
-        points = self._drawn(start)
+        points = self._drawn(forecast)
         best = points[int(response.sample(points).argmax())]
         zeta = min(response.sample_one(climbed) / localiser.usual_response, 1.0)
         place = fuse(

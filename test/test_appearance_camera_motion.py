@@ -1,0 +1,40 @@
+"""The camera's motion between two frames."""
+
+from drawn_video import texture
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.camera_motion import CameraMotion
+
+SCENE = texture((400, 520), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 25,
+                np.random.default_rng(2))
+
+
+def view(x, y):
+    """Return what a camera sees that is turned so far."""
+    return SCENE[60 + y:300 + y, 80 + x:400 + x]
+
+
+@pytest.mark.parametrize('x, y', [(0, 0), (12, -7), (-30, 20), (45, 0)])
+@pytest.mark.parametrize('grey', [False, True])
+def test_a_turn_moves_the_picture(x, y, grey):
+    """To a pixel or two: it's measured on every fifth."""
+    first, second = view(0, 0), view(x, y)
+    if grey:
+        first, second = first[:, :, 0], second[:, :, 0]
+    shift = CameraMotion(first).update(second)
+    assert shift == (pytest.approx(-x, abs=2.5), pytest.approx(-y, abs=2.5))
+
+
+def test_pictures_without_anything_in_common_say_nothing():
+    """No motion rather than any."""
+    rng = np.random.default_rng(0)
+    first, second = (rng.integers(256, size=(240, 320), dtype=np.uint8) for _ in range(2))
+    assert CameraMotion(first).update(second) is None
+
+
+@pytest.mark.parametrize('shape', [(1, 1, 3), (1, 40, 3), (5, 300)])
+def test_a_sliver_of_a_frame_says_nothing(shape):
+    """There isn't enough of it to compare."""
+    frame = np.zeros(shape, np.uint8)
+    assert CameraMotion(frame).update(frame) is None

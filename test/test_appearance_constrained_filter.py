@@ -1,0 +1,85 @@
+"""The constrained correlation filter: it sees the target alone, and finds it by that."""
+
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
+from vtrack_ros.appearance.regression import (
+    box_support, CorrelationFilter, inverse_maps, transformed_maps)
+
+ROWS, COLUMNS, WIDTH, TARGET = 24, 28, 0.6, (9.0, 7.0)
+
+
+def features(seed=0, channels=6):
+    """Return random features of a window."""
+    return np.random.default_rng(seed).normal(
+        size=(channels, ROWS, COLUMNS)).astype(np.float32)
+
+
+def learned(maps, rate=1.0, filter_=None):
+    """Return the constrained filter after an example."""
+    if filter_ is None:
+        filter_ = ConstrainedFilter.within(*TARGET, CorrelationFilter.create(ROWS, COLUMNS, WIDTH))
+    return filter_.updated(transformed_maps(maps), rate)
+
+
+def peak(filter_, maps):
+    """Return the (row, column) of the highest response to features."""
+    values = filter_.response(transformed_maps(maps))
+    return tuple(int(index) for index in np.unravel_index(values.argmax(), values.shape))
+
+
+def test_maps_and_spectra_are_each_others_inverse():
+    """And the spectrum is the Fourier transform of each map."""
+    maps = features()
+    spectrum = transformed_maps(maps)
+    np.testing.assert_allclose(spectrum, np.fft.rfft2(maps), atol=1e-3)
+    np.testing.assert_allclose(inverse_maps(spectrum), maps, atol=1e-4)
+
+
+def test_the_support_is_the_box():
+    """Its area in cells is the box's; what is far from the corner isn't in it."""
+    support = box_support(ROWS, COLUMNS, *TARGET)
+    assert support.sum() == pytest.approx(TARGET[0] * TARGET[1])
+    assert support[0, 0] == 1 and support[ROWS // 2, 0] == support[0, COLUMNS // 2] == 0
+
+
+def test_nothing_beyond_the_support_has_an_influence():
+    """The filter's own weights are zero there."""
+    weights = inverse_maps(learned(features()).numerator)
+    outside = box_support(ROWS, COLUMNS, *TARGET) == 0
+    assert np.abs(weights[:, outside]).max() < 1e-4 * np.abs(weights).max()
+    assert np.abs(weights).max() > 0
+
+
+def test_it_finds_the_target_before_another_background():
+    """An unconstrained filter, learned of the same window, stays with the background."""
+    before, other = features(0), features(1)
+    rows, columns = slice(8, 15), slice(10, 18)
+    moved = before.copy()
+    # the camera follows the target: it stays, what was learned about it goes on
+    moved[:] = np.roll(before, 5, axis=2)
+    moved[:, rows, columns] = before[:, rows, columns]
+    assert peak(learned(before), moved) == (ROWS // 2, COLUMNS // 2)
+    free = CorrelationFilter.create(ROWS, COLUMNS, WIDTH).updated(transformed_maps(before), 1.0)
+    assert peak(free, moved) == (ROWS // 2, COLUMNS // 2 + 5)
+    assert peak(learned(before), other) != peak(learned(before), before)
+
+
+def test_later_examples_are_averaged_in():
+    """Every second one, with the weight that both would have."""
+    first, second = learned(features(0)), features(1)
+    fresh = learned(second)
+    once = learned(second, 0.1, first)
+    np.testing.assert_array_equal(once.numerator, first.numerator)
+    twice = learned(second, 0.1, once)
+    np.testing.assert_allclose(
+        twice.numerator, 0.81 * first.numerator + 0.19 * fresh.numerator, atol=1e-5)
+
+
+def test_a_shift_is_that_of_the_example():
+    """Learned off the middle by a shift, it finds the same pattern in the middle."""
+    maps = features()
+    empty = ConstrainedFilter.within(*TARGET, CorrelationFilter.create(ROWS, COLUMNS, WIDTH))
+    shifted = empty.updated(transformed_maps(np.roll(maps, (2, -3), (1, 2))), 1.0, (-3.0, 2.0))
+    assert peak(shifted, maps) == (ROWS // 2, COLUMNS // 2)

@@ -1,0 +1,96 @@
+"""Two models of one target, and a search that's guided by forecasts."""
+
+from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
+import numpy as np
+import pytest
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation import GuidedSearch, Hypotheses
+from vtrack_ros.localisation.guided_search import maxima
+from vtrack_ros.trackers import create_tracker
+
+VIDEO = DrawnVideo(seed=1)
+
+
+def started(frame, center=START):
+    """Return hypotheses of the drawn target, and a guided search."""
+    target = Hypotheses(frame, center, TARGET, np.random.default_rng(0))
+    return target, GuidedSearch(frame, target)
+
+
+def follow(path, frame_of=VIDEO.frame, dt=1.0):
+    """Follow a path, and return the hypotheses, the search and the last find."""
+    target, search = started(frame_of(path[0]), path[0])
+    for center in path[1:]:
+        frame = frame_of(center)
+        found = search.search(frame, dt)
+        search.follow(dt, target.update(frame, found.response, found.place, dt))
+    return target, search, found
+
+
+def followed_by_camera(frames=25):
+    """Return frames of a target that stays in the picture, the ground passing behind it."""
+    rng = np.random.default_rng(2)
+    ground = texture((SIZE[1], SIZE[0] + 2 * frames),
+                     [(60, 70, 60), (150, 160, 150), (90, 110, 120)], 14, rng)
+    figure = texture((14, 16), [(70, 90, 90), (170, 150, 140), (40, 50, 60)], 6, rng)
+    images = []
+    for index in range(frames):
+        image = ground[:, 2 * index:2 * index + SIZE[0]].copy()
+        image[103:117, 132:148] = figure
+        images.append(image)
+    # most of what is in the box is ground
+    return images, Box.from_center(140, 110, 36, 30)
+
+
+@pytest.mark.parametrize('name, kept', [
+    ('dcf', False), ('gmpf', True), ('pqkpf', True), ('abmspf', True), ('pf', True)])
+def test_a_target_that_the_camera_follows_is_kept(name, kept):
+    """One model alone follows the ground that passes behind it; of two the other one leads."""
+    images, box = followed_by_camera()
+    tracker = create_tracker(name, seed=0)
+    tracker.start(images[0], box)
+    overlap = [tracker.update(image).box.iou(box) for image in images[1:]][-1]
+    assert (overlap > 0.5) is kept
+
+
+def test_the_window_goes_ahead_of_a_steady_target():
+    """Steps of most of a side: about the last place the target would be at the border."""
+    path = [(40.0 + 22 * index, 110.0) for index in range(11)]
+    target, _, found = follow(path)
+    assert box_at(path[-1]).iou(Box.from_center(*target.center, *target.size)) > 0.7
+    assert abs(found.response.window.center[0] - path[-1][0]) < 6
+
+
+def test_after_a_gap_it_searches_around():
+    """A target two sides from where it was, ten frames later, is found in the first of them."""
+    target, search, _ = follow([START] * 6)
+    place = (START[0] + 80, START[1] + 30)
+    frame = VIDEO.frame(place)
+    found = search.search(frame, 10.0)
+    assert found.place == (pytest.approx(place[0], abs=3), pytest.approx(place[1], abs=3))
+    # without the time that has passed, and with the target seen, one window does
+    still = search.search(VIDEO.frame(START), 1.0)
+    assert still.place == (pytest.approx(START[0], abs=2), pytest.approx(START[1], abs=2))
+    assert not still.overruled
+
+
+def test_a_double_elsewhere_isn_t_taken_for_the_target():
+    """It answers as much, but isn't where the target has to be."""
+    target, search, _ = follow([START] * 8)
+    double = VIDEO.frame((START[0] + 52, START[1]))
+    frame = VIDEO.frame(START)
+    x, y = round(START[0] + 52 - TARGET[0] / 2), round(START[1] - TARGET[1] / 2)
+    frame[y:y + TARGET[1], x:x + TARGET[0]] = double[y:y + TARGET[1], x:x + TARGET[0]]
+    found = search.search(frame, 1.0)
+    assert found.place == (pytest.approx(START[0], abs=3), pytest.approx(START[1], abs=3))
+
+
+def test_maxima_are_the_tops():
+    """Of two hills both, and of a third one that is too low none."""
+    target, _ = started(VIDEO.frame(START))
+    response = target.localise(VIDEO.frame(START), START)
+    tops = maxima(response, 0.6)
+    assert max(value for _, value in tops) == response.peak
+    assert response.center in [place for place, _ in tops]
+    assert all(value >= 0.6 * response.peak for _, value in tops)
