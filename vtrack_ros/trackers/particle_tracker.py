@@ -34,13 +34,14 @@ _SHARED = MOTION + ParameterTable([
 
 class ParticleTracker(Tracker):
     """
-    A particle filter that decides between the maxima of the response.
+    A particle filter whose forecast guides the search.
 
     The state is (cx, cy, vx, vy), in pixels and frames, at nearly constant velocity [Zhu2012, eq.
-    19]; the size is the scale regression's. The response is the particles' likelihood, and the
-    maximum next to their mean is the estimate: a weighted mean is no more exact than the
-    particles are dense. What is clearly the highest is believed against the prior, for targets
-    dart off. A subclass gives the proposal.
+    19]; the size is the scale regression's. What the filter expects is one of the forecasts that
+    the search weighs against the response, the more the better it foretold lately; the maximum
+    that is found so is the estimate, since a weighted mean is no more exact than the particles are
+    dense. The response is the particles' likelihood, and they are the covariance; far from the
+    estimate they are carried to it. A subclass gives the proposal.
     """
 
     PARAMETERS = _SHARED
