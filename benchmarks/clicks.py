@@ -98,8 +98,8 @@ def main() -> None:
         f'{np.max(times):.0f} ms), once for each click.\n\n'
         '## Overlap by target, from a click at the centre\n\n'
         f'{markdown(of_each)}\n\n'
-        'A click beside the centre is worth less: the box is centred at it, and on the other videos '
-        'a square of 48 px is as good then. Small targets far from everything '
+        'A click beside the centre is worth less: the box is centred at it, and on the other '
+        'videos a square of 48 px is as good then. Small targets far from everything '
         '(`UAV_wakeboard10`, `UAVDT_S0601`) are taken for what they are on or near, tall ones '
         '(walkers) for their upper or middle part. `click_size` or a box does better there.\n')
     arguments.out.write_text(text, encoding='utf-8')

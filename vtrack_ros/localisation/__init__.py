@@ -16,9 +16,9 @@ about a place, decides for a place (with its filter, its particles, or none), an
                                                                   |
           PresenceDetector: confidence, and for how long the target hasn't been seen
 
-`Hypotheses` are two localisers of one target, of which the more credible leads; it's asked and told
-like one. `GuidedSearch` asks it at the places that forecasts point to, and chooses among what it
-finds by motion and response.
+`Hypotheses` are two localisers of one target, of which the more credible leads; it's asked and
+told like one. `GuidedSearch` asks it at the places that forecasts point to, and chooses among what
+it finds by motion and response.
 
 `search_window` has the window and the response over it, `target_model` what is known of the target
 (correlation filter, colours, scale), `presence` judges whether it's there, `redetection` searches
