@@ -266,8 +266,8 @@ def test_documentation_names_every_row(repository):
     text = (repository / 'docs' / 'node.md').read_text()
     rows = ['image', 'image/compressed', 'camera_info', '~/init', '~/init_roi',
             '~/init_point', '~/init_detections', 'pose', 'pose_with_covariance', 'detections',
-            'bounding_box', '~/state', '~/particles', '~/debug_image', '/diagnostics', '~/reset', '~/enable',
-            '~/reinit', '/tf']
+            'bounding_box', '~/state', '~/particles', '~/debug_image', '/diagnostics',
+            '~/reset', '~/enable', '~/reinit', '/tf']
     for name in (*rows, INIT_BOX, *NODE_PARAMETERS):
         assert f'`{name}`' in text, name
 
