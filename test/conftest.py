@@ -20,8 +20,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Hypothesis: a few examples, always the same ones, or many others (see CONTRIBUTING.md).
-settings.register_profile('quick', derandomize=True, max_examples=5, deadline=None, database=None)
-settings.register_profile('long', max_examples=300, deadline=None, database=None)
+settings.register_profile('quick', derandomize=True, deadline=None, database=None)
+settings.register_profile('long', max_examples=6000, deadline=None, database=None)
 settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'quick'))
 
 

@@ -4,7 +4,7 @@ import json
 from types import SimpleNamespace
 
 import cv2
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import example, given, strategies as st
 import numpy as np
 
 from vtrack_ros.geometry import Box
@@ -12,9 +12,6 @@ from vtrack_ros.geometry.camera import locate
 from vtrack_ros.messages.camera_info import camera_from_info
 from vtrack_ros.messages.images import compressed_to_frame, ENCODINGS, to_frame
 from vtrack_ros.session.saved_target import MARK, SavedTarget
-
-#: These are quick.
-MANY = settings(max_examples=20 * settings.default.max_examples)
 
 SIZES = st.integers(0, 9) | st.integers(0, 2**32 - 1)
 #: Lengths near the right ones and elsewhere.
@@ -44,7 +41,6 @@ def sound(frame, width=None, height=None):
     assert width is None or frame.shape[:2] == (height, width)
 
 
-@MANY
 @given(images())
 def test_an_image_is_a_frame_or_refused(message):
     """Of its width and height, whatever step, encoding and data say."""
@@ -72,7 +68,6 @@ def damaged(draw, contents):
 
 
 # The size in a header must not be believed: none of these takes the memory of a large image.
-@MANY
 @given(damaged(FILES) | st.binary(max_size=60), st.sampled_from(['jpeg', 'png', '', 'x']))
 def test_a_compressed_image_is_a_frame_or_refused(data, kind):
     """Whole, damaged, cut off, or never one."""
@@ -87,7 +82,6 @@ def test_a_compressed_image_is_a_frame_or_refused(data, kind):
 NUMBERS = st.floats() | st.floats(-10, 10) | st.sampled_from([0.0, 1.0, 100.0])
 
 
-@MANY
 @given(st.builds(
     SimpleNamespace, width=SIZES, height=SIZES,
     distortion_model=st.sampled_from(['', 'plumb_bob', 'rational_polynomial', 'equidistant']),
@@ -117,7 +111,6 @@ VALUES = st.recursive(
         st.sampled_from(['x', 'y', 'width', 'height']), deeper), max_leaves=6)
 
 
-@MANY
 @given(damaged([TARGET.encode()]), st.sampled_from(sorted(json.loads(TARGET))), VALUES)
 @example(TARGET.encode(), 'format', None)
 def test_a_saved_target_is_one_or_refused(data, name, value):

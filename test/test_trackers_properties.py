@@ -1,6 +1,6 @@
 """What holds of every tracker for any image, box, parameters and intervals."""
 
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
 
@@ -9,6 +9,8 @@ from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, Tr
 
 #: More particles than this take long, and are no other case.
 PARTICLES = 40
+#: An example takes some frames of a tracker.
+FEW = settings(max_examples=settings.default.max_examples // 20)
 
 
 @st.composite
@@ -91,6 +93,7 @@ def check(estimate, shape, anywhere):
 
 
 @pytest.mark.parametrize('name', tracker_names())
+@FEW
 @given(data=st.data())
 def test_every_estimate_is_sound(name, data):
     """Finite, inside the image, with a covariance and a confidence, whatever comes."""
@@ -110,6 +113,7 @@ def test_every_estimate_is_sound(name, data):
 
 
 @pytest.mark.parametrize('name', tracker_names(replicas=False))
+@FEW
 @given(shape=st.lists(st.integers(0, 5), max_size=4), kind=st.sampled_from(
     ['?', 'i1', 'u1', 'u2', 'f4', 'f8', 'c16', 'O', 'U1', 'M8[s]']))
 def test_what_is_no_frame_is_refused(name, shape, kind):
