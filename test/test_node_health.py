@@ -1,6 +1,7 @@
 """What the node says of itself: lost and found, diagnostics, mismatches, and work nobody wants."""
 
 import importlib.util
+import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
@@ -73,7 +74,8 @@ def test_missing_frames_are_noticed(client):
     assert int(client.state_after(answer)['frames_missing']) == before + 20
     level, message, _ = diagnosis(client, '/tracker: images',
                                   lambda row, values: 'missing' in row.message)
-    assert level == b'\x01' and ('lost before' in message or 'faster tracker' in message)
+    reasons = 'lost before', 'faster tracker', 'network is busy'
+    assert level == b'\x01' and any(reason in message for reason in reasons)
 
 
 def test_a_dead_camera_is_no_good_target(client):
@@ -294,3 +296,18 @@ def test_reset_is_in_the_state(client):
     state = client.state_after(send(client, 1))
     assert state['state'] == 'waiting' and state['level'] == b'\x00'
     assert 'box' not in state
+
+
+def test_large_images_that_are_lost_on_the_way_are_told_of():
+    """As without the profile: the log says once what is to be done."""
+    frame = np.zeros((480, 640, 3), np.uint8)
+    with NodeProcess('-r', '__ns:=/far') as process, Client('/far/tracker') as client:
+        client.ready()
+        index = 0
+        deadline = time.monotonic() + 20
+        while '(said once)' not in process.log:
+            assert time.monotonic() < deadline, process.log
+            index += 1 + (index % 4 == 0)
+            client.send(frame, 10**9 + STEP * index)
+            time.sleep(0.025)
+        assert 'use the Fast DDS profile config/fastdds.xml on both sides' in process.log

@@ -106,6 +106,30 @@ def test_a_late_frame_begins_no_stream():
     assert flow.late == 5
 
 
+def test_a_stamp_of_the_far_future_is_but_a_wrong_one():
+    """An hour ahead for one frame: dropped. From then on: the clock was set forward."""
+    flow, hour = FrameFlow(), 3600 * 10**9
+    feed(flow, range(60))
+    assert flow.arrived(60 * STEP + hour, 60 * STEP) is Arrival.LATE
+    for index in range(61, 80):
+        assert flow.arrived(index * STEP, index * STEP) is Arrival.NEXT
+    forward = [flow.arrived(index * STEP + hour, index * STEP) for index in range(80, 90)]
+    assert forward == [Arrival.LATE] * (MOST_LATE - 1) + [Arrival.NEXT] * 8
+    assert flow.late == MOST_LATE and flow.missing == 1
+    # An hour without frames is nothing of that kind.
+    assert flow.arrived(100 * STEP + 2 * hour, 100 * STEP + hour) is Arrival.NEXT
+
+
+def test_frames_that_wait_here_are_not_the_transports_loss():
+    """Large images, some missing, but others waited for longer than a frame."""
+    flow = FrameFlow()
+    flow.largest = 10**6
+    feed(flow, [index for index in range(60) if index % 5])
+    flow.latency.extend([90.0] * 60)
+    _, text, _ = judge(flow, 60 * STEP)
+    assert 'missing' in text and 'network is busy' in text and 'fastdds' not in text
+
+
 def test_a_clock_that_was_set_back_is_no_loop():
     """Several frames in a row before the newest one are no late ones."""
     flow = FrameFlow()

@@ -19,6 +19,9 @@ NOTABLE_LOSS = 0.01
 LONGEST_SILENCE = 1.0
 #: What Fast DDS's shared memory holds unless it is given our profile, in bytes.
 SHARED_MEMORY = 512 * 1024
+#: What is to be done about large images that are lost on the way.
+_PROFILE_ADVICE = ('lost before they came here: use the Fast DDS profile config/fastdds.xml on both '
+                   'sides')
 
 _LEVELS = {
     TrackState.TRACKING: DiagnosticStatus.OK,
@@ -77,23 +80,22 @@ class Diagnostics:
         if not self._told:
             self._publishers.publish_state(self._make_state)
         self._told = False
-        if not self._publisher.get_subscription_count():
-            # Whoever subscribes is told of the last second, not of all since the start.
-            self.flow.rate(time.perf_counter_ns())
-            self.flow.recent()
-            return
-        state, rows = self._make_state(), []
+        rows = []
         if self.images is not None:
             faults = [fault for one in (self.images, *self.inputs) for fault in one.faults]
             faults += self._publishers.faults
             level, text, values = report(self.flow, time.perf_counter_ns(), faults,
                                          self.images.publishers, self.images.topic)
+            if text.endswith(_PROFILE_ADVICE):
+                # Nobody looks at diagnostics for what seems to work.
+                self._node.get_logger().warning(f'{text} (said once)', once=True)
             values['reliability'] = self.images.reliability
             values['lost by the middleware'] = str(self.images.lost)
             values['QoS mismatches'] = '; '.join(faults) or 'none'
             name = self._node.get_fully_qualified_name()
             rows.append(_status(f'{name}: images', bytes([level]), text, values))
-        self._publish(*rows, state)
+        if self._publisher.get_subscription_count():
+            self._publish(*rows, self._make_state())
 
     def _publish(self, *rows: DiagnosticStatus) -> None:
         """Publish rows, that of the target last, with the node's time."""
@@ -160,9 +162,10 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
         if processing[0] > interval:
             reason = (f'a frame takes {processing[0]:.1f} ms: choose a faster tracker or fewer '
                       'particles')
+        elif latency[1] > interval:
+            reason = 'and others are answered late: the processor or the network is busy'
         elif flow.largest > SHARED_MEMORY // 2:
-            reason = ('lost before they came here: use the Fast DDS profile config/fastdds.xml '
-                      'on both sides')
+            reason = _PROFILE_ADVICE
         else:
             reason = 'never sent, or lost before they came here'
         return 1, (f'{missing} of the last {received + missing} frames are missing, '

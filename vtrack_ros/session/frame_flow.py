@@ -11,6 +11,8 @@ MEMORY = 300
 LONGEST_GAP = 30
 #: How much earlier than the newest a late frame may be stamped, in nanoseconds.
 LATEST = 1_000_000_000
+#: How much more may pass on the clock of the stamps than on ours between two frames, in nanoseconds.
+AHEAD = 60_000_000_000
 #: So many frames in a row that are stamped before the newest are no late ones.
 MOST_LATE = 3
 
@@ -33,7 +35,7 @@ class FrameFlow:
     Counts frames, and times them.
 
     `missing` ones never came, as the gaps between the stamps tell; `late` ones came after later
-    ones. `fault` is that of the last malformed one, `largest` the size of the largest image in
+    ones, or are stamped far ahead. `fault` is that of the last malformed one, `largest` the size of the largest image in
     bytes; `processing` and `latency` are the latest ones in ms.
     """
 
@@ -44,7 +46,7 @@ class FrameFlow:
         self.latency: deque[float] = deque(maxlen=MEMORY)
         self._first = 0
         self._newest: int | None = None
-        self._late_in_a_row = self._in_order = 0
+        self._late_in_a_row = self._in_order = self._ahead_in_a_row = 0
         self._spoilt: deque[int] = deque(maxlen=LONGEST_GAP)
         self._interrupted = False
         self._interval = FrameIntervalEstimator()
@@ -57,11 +59,18 @@ class FrameFlow:
         self.received += 1
         self._since += 1
         self._first_arrival = self._first_arrival or now
+        elapsed = now - self._last_frame
         self._last_arrival = self._last_frame = now
         newest, interrupted = self._newest, self._interrupted
         if newest is None:
             self._begin(stamp, stamp)
             return Arrival.NEXT
+        self._ahead_in_a_row += 1
+        if stamp <= newest + elapsed + AHEAD:
+            self._ahead_in_a_row = 0
+        elif self._ahead_in_a_row < MOST_LATE:
+            self.late += 1
+            return Arrival.LATE
         if stamp < newest:
             self._late_in_a_row += 1
             # Nothing but the first frame has its stamp, once there are others.
