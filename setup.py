@@ -55,7 +55,7 @@ setup(
         'Typing :: Typed',
     ],
     packages=find_packages(include=[name, f'{name}.*']),
-    package_data={name: ['py.typed', 'evaluation/*.jinja']},
+    package_data={name: ['py.typed', 'evaluation/*.jinja', 'selecting/web/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),
@@ -66,7 +66,8 @@ setup(
     extras_require={
         'tools': required('tools'),
         'ros': required('ros'),
-        'test': required('tools', 'ros', 'test'),
+        'select': required('ros', 'select'),
+        'test': required('tools', 'ros', 'select', 'test'),
         'lint': required('lint'),
     },
     python_requires='>=3.11,<3.14',

@@ -83,7 +83,8 @@ def test_pip(repository: Path, tmp_path: Path) -> None:
     [found] = metadata.distributions(name='vtrack_ros', path=[str(library)])
     needed = {re.match(r'[\w-]+', each)[0] for each in found.requires if 'extra ==' not in each}
     assert needed == {'numpy', 'opencv-python-headless', 'scipy'}
-    assert set(found.metadata.get_all('Provides-Extra')) == {'lint', 'ros', 'test', 'tools'}
+    extras = {'lint', 'ros', 'select', 'test', 'tools'}
+    assert set(found.metadata.get_all('Provides-Extra')) == extras
 
 
 @pytest.fixture(scope='module')

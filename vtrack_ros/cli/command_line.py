@@ -24,6 +24,7 @@ _COMMANDS = {
     'play': 'publish a bag, as ros2 bag play would',
     'replay': 'run a tracker over a bag, without a node',
     'evaluate': 'compare trackers on bags and image folders with truth',
+    'select': 'point out the target in the browser, and watch it being tracked',
 }
 
 

@@ -2,16 +2,14 @@
 
 import argparse
 import json
-import os
 from pathlib import Path
 import signal
 import sys
-from typing import Any
 
 from vtrack_ros.bags import BagReader
 from vtrack_ros.bags.player import Pace, Played, Player
 from vtrack_ros.cli.arguments import duration, positive_number
-from vtrack_ros.dds import with_profile
+from vtrack_ros.cli.load_ros import load_rclpy
 
 EXAMPLES = """examples:
   vtrack play bags/face_fast
@@ -46,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
     with BagReader(arguments.bag) as bag:
-        rclpy = _rclpy()
+        rclpy = load_rclpy('playing')
         context = rclpy.context.Context()
         # Our own handlers end the player between two messages, after a last word.
         # ROS would read our arguments as its own, and rename topics once more.
@@ -103,19 +101,3 @@ def _remap(text: str) -> tuple[str, str]:
     if not (old and separator and new):
         raise argparse.ArgumentTypeError(f'must be FROM:=TO, not {text!r}')
     return old, new
-
-
-def _rclpy() -> Any:
-    try:
-        # Without the profile's shared memory a best-effort subscriber misses large images.
-        os.environ.update(with_profile(os.environ))
-    except FileNotFoundError:
-        pass
-    try:
-        import rclpy
-        import rclpy.context
-    except ImportError as error:
-        raise ModuleNotFoundError(
-            'playing needs rclpy: source a ROS 2 installation, or run scripts/setup '
-            f'({error})') from None
-    return rclpy

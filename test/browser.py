@@ -1,0 +1,97 @@
+"""A real Chromium, told what to do over its DevTools protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+import shutil
+from typing import Any
+
+import aiohttp
+
+PATIENCE = 20.0
+CHROMIUM = next(filter(None, map(shutil.which, (
+    'chromium', 'chromium-browser', 'google-chrome'))), None)
+
+
+class Page:
+    """A page in the browser."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._socket = socket
+        self._number = 0
+
+    async def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Call a method of the protocol."""
+        self._number += 1
+        await self._socket.send_json(
+            {'id': self._number, 'method': method, 'params': parameters})
+        while (answer := await self._socket.receive_json()).get('id') != self._number:
+            pass
+        assert 'result' in answer, answer
+        return answer['result']
+
+    async def value(self, expression: str) -> Any:
+        """Return the value of an expression in the page."""
+        answer = await self.ask('Runtime.evaluate', expression=expression, returnByValue=True)
+        assert 'exceptionDetails' not in answer, answer
+        return answer['result'].get('value')
+
+    async def until(self, expression: str) -> None:
+        """Wait until an expression in the page is true."""
+        try:
+            async with asyncio.timeout(PATIENCE):
+                while not await self.value(expression):
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            seen = await self.value('document.body.innerText')
+            raise AssertionError(f'never {expression}, but {seen[:400]}') from None
+
+    async def painted(self) -> None:
+        """Wait until the page is on the screen; before that the browser may drop events."""
+        await self.ask('Runtime.evaluate', awaitPromise=True, expression=(
+            'new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))'))
+        await self.ask('Page.captureScreenshot')
+
+    async def mouse(self, *points: tuple[float, float]) -> None:
+        """Press at the first point, move along the others, and let go; in pixels of the page."""
+        kinds = ['mousePressed', *['mouseMoved'] * (len(points) - 1)]
+        for kind, (x, y) in zip([*kinds, 'mouseReleased'], [*points, points[-1]]):
+            await self.ask('Input.dispatchMouseEvent', type=kind, x=x, y=y, button='left',
+                           buttons=1, clickCount=1)
+
+    async def screenshot(self, path: Path) -> None:
+        """Write what is seen as PNG."""
+        answer = await self.ask('Page.captureScreenshot')
+        path.write_bytes(base64.b64decode(answer['data']))
+
+
+@asynccontextmanager
+async def open_page(address: str, profile: Path, size: str = '1200,800') -> AsyncIterator[Page]:
+    """Open an address in a browser of its own, whose files are in the folder `profile`."""
+    assert CHROMIUM is not None
+    process = await asyncio.create_subprocess_exec(
+        CHROMIUM, '--headless=new', '--no-sandbox', '--disable-gpu', f'--window-size={size}',
+        '--disable-dev-shm-usage', '--no-first-run', '--disable-background-networking',
+        '--remote-debugging-port=0', '--remote-allow-origins=*', f'--user-data-dir={profile}',
+        'about:blank', stderr=asyncio.subprocess.PIPE)
+    try:
+        async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as session:
+            line = b''
+            while b'DevTools listening on' not in line:
+                line = await process.stderr.readline()
+                assert line, 'the browser ended'
+            port = line.decode().split('/')[2]
+            async with session.get(f'http://{port}/json') as answer:
+                found = [one for one in await answer.json() if one['type'] == 'page']
+        async with aiohttp.ClientSession() as session, session.ws_connect(
+                found[0]['webSocketDebuggerUrl'], max_msg_size=0) as socket:
+            page = Page(socket)
+            await page.ask('Page.navigate', url=address)
+            yield page
+    finally:
+        process.terminate()
+        await process.wait()

@@ -1,0 +1,395 @@
+"""The page in the browser: what it shows, what it does, and to whom it says no."""
+
+import asyncio
+from contextlib import asynccontextmanager, contextmanager
+import json
+import os
+import re
+import sys
+import threading
+
+import aiohttp
+from browser import CHROMIUM, open_page
+import cv2
+from forked_process import ForkedProcess
+from node_harness import NodeProcess, PATIENCE, Scene, STEP
+import numpy as np
+import pytest
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from vtrack_ros.bags import BagReader, BagWriter
+from vtrack_ros.dds import with_profile
+from vtrack_ros.geometry import Box
+from vtrack_ros.selecting.access import is_loopback
+from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
+
+
+@contextmanager
+def serving(*arguments):
+    """Start `vtrack select` on a free port; returns its address."""
+    process = ForkedProcess('vtrack_ros.cli.command_line', 'main',
+                            ['select', '--port', '0', *arguments], with_profile(os.environ))
+    output = []
+    try:
+        for line in process.stdout:
+            output.append(line)
+            if line.startswith('http'):
+                break
+        else:
+            raise AssertionError(''.join(output))
+        # A pipe that nobody reads would fill.
+        reader = threading.Thread(target=lambda: output.extend(process.stdout))
+        reader.start()
+        yield output[-1].strip()
+    finally:
+        if process.poll() is None:
+            process.send_signal(2)
+        code = process.wait(PATIENCE)
+    reader.join(PATIENCE)
+    assert code == 0 and 'Traceback' not in ''.join(output), ''.join(output)
+
+
+@pytest.fixture(scope='module')
+def bag(repository):
+    """Return the path of the bag that is played."""
+    return repository / 'bags' / 'face_fast'
+
+
+@pytest.fixture(scope='module')
+def truth(bag):
+    """Return its true boxes by stamp."""
+    with BagReader(bag) as reader:
+        return reader.truth()
+
+
+@contextmanager
+def playing(bag, rate=1):
+    """Play a bag, again and again."""
+    player = ForkedProcess(
+        'vtrack_ros.cli.command_line', 'main',
+        ['play', str(bag), '--loop', '--rate', str(rate), '--topic', 'image'],
+        with_profile(os.environ))
+    try:
+        yield
+    finally:
+        player.send_signal(2)
+        player.wait(PATIENCE)
+
+
+@pytest.fixture(scope='module')
+def address(bag):
+    """Play a bag to a node, and serve its page."""
+    with NodeProcess(), serving() as address, playing(bag, 0.5):
+        yield address
+
+
+class Seen:
+    """A viewer without a browser."""
+
+    def __init__(self, socket):
+        self.socket = socket
+        self.pictures = []
+        self.parameters = None
+
+    async def ask(self, **request):
+        """Send a request."""
+        await self.socket.send_json(request)
+
+    async def receive(self, kind):
+        """Return the next message of a kind; pictures that come before are acknowledged."""
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                message = await self.socket.receive()
+                assert message.type is aiohttp.WSMsgType.TEXT, message
+                content = json.loads(message.data)
+                if content['kind'] == 'picture':
+                    content['jpeg'] = await self.socket.receive_bytes()
+                    if kind != 'picture':
+                        await self.ask(do='shown')
+                if content['kind'] == kind:
+                    return content
+
+    async def until(self, good):
+        """Return the first picture that is as wanted."""
+        async with asyncio.timeout(PATIENCE):
+            while not good(picture := await self.receive('picture')):
+                await self.ask(do='shown')
+        await self.ask(do='shown')
+        return picture
+
+    async def told(self, words):
+        """Return the first line that has these words."""
+        async with asyncio.timeout(PATIENCE):
+            while words not in (line := await self.receive('told'))['text']:
+                pass
+        return line
+
+
+@asynccontextmanager
+async def viewer(address, **arguments):
+    """Open the page's WebSocket."""
+    async with aiohttp.ClientSession() as session, session.ws_connect(
+            f'{address}ws', max_msg_size=0, **arguments) as socket:
+        yield Seen(socket)
+
+
+def state(name):
+    """Return whether a picture's state has a name."""
+    return lambda picture: picture['state'].get('name') == name
+
+
+def overlap(picture, truth):
+    """Return the overlap of a picture's box with the truth of its stamp."""
+    return Box(*picture['box']).iou(truth[int(picture['stamp'])]) if 'box' in picture else 0.0
+
+
+async def fresh(seen):
+    """Forget any target; return a picture in the first half of the bag."""
+    # They come once the node is there.
+    await seen.receive('parameters')
+    await seen.ask(do='reset')
+    return await seen.until(lambda picture: state('waiting')(picture)
+                            and int(picture['stamp']) % 10**10 < 8 * 10**8)
+
+
+def test_box(address, truth):
+    """A box on a picture is tracked, and shown on the pictures that it belongs to."""
+    async def run():
+        async with viewer(address) as seen:
+            picture = await fresh(seen)
+            jpeg = cv2.imdecode(np.frombuffer(picture['jpeg'], np.uint8), cv2.IMREAD_COLOR)
+            assert jpeg.shape == (picture['height'], picture['width'], 3)
+            box = truth[int(picture['stamp'])]
+            await seen.ask(do='box', stamp=picture['stamp'], x=box.x, y=box.y, width=box.width,
+                           height=box.height)
+            picture = await seen.until(lambda one: len(one['trail']) > 5)
+            assert state('tracking')(picture) and overlap(picture, truth) > 0.4
+            assert float(picture['state']['confidence']) > 0.3
+            assert float(picture['state']['ms_per_frame']) > 0
+            xx, xy, yy = picture['covariance']
+            assert xx > 0 and xx * yy > xy**2
+    asyncio.run(run())
+
+
+def test_click(address, truth):
+    """A click on the target does as well."""
+    async def run():
+        async with viewer(address) as seen:
+            picture = await fresh(seen)
+            x, y = truth[int(picture['stamp'])].center
+            await seen.ask(do='click', stamp=picture['stamp'], x=x, y=y)
+            picture = await seen.until(lambda one: len(one['trail']) > 2)
+            box, true = Box(*picture['box']), truth[int(picture['stamp'])]
+            assert box.center_distance(true) < true.width / 2
+    asyncio.run(run())
+
+
+def test_refusal_is_shown(address):
+    """What the node says of a selection is read on the page."""
+    async def run():
+        async with viewer(address) as seen:
+            picture = await fresh(seen)
+            await seen.ask(do='click', stamp=picture['stamp'], x=-5, y=3)
+            assert (await seen.told('~/init_point refused'))['wrong']
+    asyncio.run(run())
+
+
+def test_pictures_wait_for_the_viewer(address):
+    """No picture is sent before the last one was shown, whatever happens meanwhile."""
+    async def run():
+        async with viewer(address) as seen:
+            await fresh(seen)
+            await seen.receive('picture')
+            for _ in range(5):
+                await seen.ask(do='reset')
+                message = await seen.socket.receive_json()
+                while message['kind'] != 'told':
+                    assert message['kind'] != 'picture'
+                    message = await seen.socket.receive_json()
+            await seen.ask(do='shown')
+            await seen.receive('picture')
+    asyncio.run(run())
+
+
+def test_parameters(address):
+    """The inputs come from the descriptors; what is set is in force, what is wrong is refused."""
+    async def run():
+        async with viewer(address) as seen:
+            rows = {row['name']: row for row in (await seen.receive('parameters'))['rows']}
+            assert {'gmpf', 'dcf'} < set(rows['tracker']['choices'])
+            particles = rows['gmpf.particles']
+            assert (particles['kind'], particles['low'], particles['high']) == ('int', 2, 5000)
+            assert rows['init_score']['high'] == 1.0 and rows['init_class']['kind'] == 'text'
+            assert rows['init_from_detections']['value'] is False
+            assert 'image_transport' not in rows and 'init_box' not in rows
+            await seen.ask(do='set', name='tracker', kind='text', value='dcf')
+            await seen.until(lambda one: one['state']['tracker'] == 'dcf')
+            await seen.ask(do='set', name='gmpf.particles', kind='int', value=1)
+            assert (await seen.told('from 2 to 5000'))['wrong']
+            # Then the page is told what is in force.
+            rows = {row['name']: row for row in (await seen.receive('parameters'))['rows']}
+            assert rows['tracker']['value'] == 'dcf' and rows['gmpf.particles']['value'] == 150
+            await seen.ask(do='set', name='tracker', kind='text', value='gmpf')
+            await seen.told('tracker is gmpf')
+    asyncio.run(run())
+
+
+def test_pause(address):
+    """While it's paused pictures come all the same."""
+    async def run():
+        async with viewer(address) as seen:
+            await fresh(seen)
+            await seen.ask(do='enable', on=False)
+            await seen.until(state('paused'))
+            before = (await seen.receive('picture'))['stamp']
+            await seen.ask(do='shown')
+            await seen.until(lambda one: one['stamp'] != before and 'box' not in one)
+            await seen.ask(do='enable', on=True)
+            await seen.until(state('waiting'))
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize('text, words', [
+    ('nonsense', 'refused'), ('[]', 'refused'), ('{}', 'do'), ('{"do": "fly"}', "'fly'"),
+    ('{"do": "box", "stamp": "1", "x": 1, "y": 1, "width": 0, "height": 5}', 'positive'),
+    ('{"do": "box", "stamp": "-1", "x": 1, "y": 1, "width": 5, "height": 5}', 'stamp'),
+    ('{"do": "click", "stamp": "1", "x": "here", "y": 1}', 'here'),
+    ('{"do": "set", "name": "seed", "kind": "int", "value": 1.5}', '1.5')])
+def test_bad_request(address, text, words):
+    """It's refused in words, and the viewer stays."""
+    async def run():
+        async with viewer(address) as seen:
+            await seen.socket.send_str(text)
+            assert (await seen.told(words))['wrong']
+            await seen.receive('picture')
+    asyncio.run(run())
+
+
+def test_oversized_message(address):
+    """Who sends more than a request can be is cut off."""
+    async def run():
+        async with viewer(address) as seen:
+            await seen.socket.send_str('x' * 100_000)
+            message = await seen.socket.receive(PATIENCE)
+            while message.type in (aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY):
+                message = await seen.socket.receive(PATIENCE)
+            assert (message.type, message.data) == (aiohttp.WSMsgType.CLOSE, 1009)
+    asyncio.run(run())
+
+
+async def answer(address, **headers):
+    """Return the status of an address."""
+    async with aiohttp.ClientSession() as session:
+        async with session.get(address, headers=headers) as response:
+            return response.status
+
+
+def test_other_origin(address):
+    """A page of another origin can't open the WebSocket, nor one that takes this host's name."""
+    async def run():
+        for headers in ({'Origin': 'http://elsewhere.example'}, {'Origin': 'null'},
+                        {'Origin': address.replace('http:', 'https:').rstrip('/') + '1'},
+                        {'Host': 'elsewhere.example'}):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                async with viewer(address, headers=headers):
+                    pass
+            assert refused.value.status == 403
+        assert await answer(address, Host='elsewhere.example') == 403
+        async with viewer(address, headers={'Origin': address.rstrip('/')}) as seen:
+            await seen.receive('parameters')
+    asyncio.run(run())
+
+
+def test_token():
+    """On an address that was asked for, the page is behind a token; it says so without a node."""
+    async def run(whole):
+        assert re.fullmatch(r'http://127.0.0.1:\d+/[\w-]{20,}/', whole)
+        root = whole.rsplit('/', 2)[0]
+        for path in ('', '/', '/ws', '/page.js', '/wrong/', '/wrong/ws', '/%ff/'):
+            assert await answer(root + path) == 403, path
+        assert await answer(whole) == await answer(f'{whole}page.css') == 200
+        assert await answer(f'{whole}other') == 404
+        async with viewer(whole) as seen:
+            assert (await seen.told('waiting for the node /nobody'))['wrong']
+    with serving('--host', '127.0.0.1', 'nobody') as whole:
+        asyncio.run(run(whole))
+
+
+@pytest.mark.parametrize('host, own', [
+    ('localhost', True), ('127.0.0.1', True), ('127.1.2.3', True), ('::1', True), ('', False),
+    ('10.0.0.1', False), ('localhost.example', False), ('127.0.0.1.example', False)])
+def test_loopback(host, own):
+    """Only this machine's own names are its own."""
+    assert is_loopback(host) is own
+
+
+def test_inputs_from_descriptors():
+    """A range without an end has none; what can't change or isn't a scalar is left out."""
+    described = [
+        ParameterDescriptor(name='half', floating_point_range=[
+            FloatingPointRange(from_value=0.0, to_value=sys.float_info.max)]),
+        ParameterDescriptor(name='whole', integer_range=[
+            IntegerRange(from_value=-2**63, to_value=7)]),
+        ParameterDescriptor(name='fixed', read_only=True), ParameterDescriptor(name='list'),
+        ParameterDescriptor(name='one', additional_constraints='valid: one of a, b')]
+    values = [Parameter('', value=value).get_parameter_value()
+              for value in (1.5, 3, True, [1.0], 'b')]
+    assert parameter_inputs(described, values) == [
+        {'name': 'half', 'kind': 'float', 'value': 1.5, 'text': '', 'low': 0.0},
+        {'name': 'whole', 'kind': 'int', 'value': 3, 'text': '', 'high': 7},
+        {'name': 'one', 'kind': 'text', 'value': 'b', 'text': '', 'choices': ['a', 'b']}]
+    assert parameter_value('float', 2).double_value == 2.0
+    for kind, value in (('int', True), ('int', '3'), ('int', 2**63), ('bool', 1), ('list', [])):
+        with pytest.raises(ValueError, match='no value of kind'):
+            parameter_value(kind, value)
+
+
+@pytest.fixture
+def still_bag(tmp_path):
+    """Write a bag in which the target rests, as whoever drags a box would like it."""
+    scene = Scene()
+    rng = np.random.default_rng(0)
+    with BagWriter(tmp_path / 'still') as writer:
+        for index in range(300):
+            noise = rng.integers(0, 5, (scene.height, scene.width, 3), np.uint8)
+            writer.write_frame(scene.frame(0) + noise, 10**10 + STEP * index)
+    return tmp_path / 'still', scene.box(0)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
+def test_in_a_browser(still_bag, tmp_path):
+    """Drag, track, change the tracker, reset, click."""
+    bag, box = still_bag
+
+    async def run(address):
+        async with open_page(address, tmp_path) as page:
+            await page.until('document.readyState == "complete" && header != null')
+            await page.until("$('state').textContent == 'waiting' "
+                             "&& $('parameters').children.length > 0")
+            await page.painted()
+            area = await page.value('canvas.getBoundingClientRect().toJSON()')
+            scale = min(area['width'] / 160, area['height'] / 120)
+            first, center, last = [(
+                area['left'] + (area['width'] - scale * 160) / 2 + scale * x,
+                area['top'] + (area['height'] - scale * 120) / 2 + scale * y) for x, y in (
+                (box.x, box.y), box.center, (box.x + box.width, box.y + box.height))]
+            await page.mouse(first, center, last)
+            await page.until("header.box && $('state').textContent == 'tracking'")
+            assert Box(*await page.value('header.box')).iou(box) > 0.7
+            await page.value("(() => { const one = document.querySelector('[name=tracker]'); "
+                             "one.value = 'abmspf'; one.onchange(); })()")
+            await page.until("$('tracker').textContent == 'abmspf'")
+            assert await page.value(
+                "[...$('parameters').children].filter(one => !one.hidden)"
+                '.map(one => one.dataset.owner).join()') == ',abmspf'
+            await page.value("$('reset').click()")
+            await page.until("$('state').textContent == 'waiting'")
+            await page.mouse(center)
+            await page.until("header.box && $('state').textContent == 'tracking'")
+            assert Box(*await page.value('header.box')).iou(box) > 0.4
+            await page.until('header.trail.length > 20')
+            await page.screenshot(tmp_path / 'page.png')
+            assert cv2.imread(str(tmp_path / 'page.png')).shape[2] == 3
+    with NodeProcess(), serving() as address, playing(bag):
+        asyncio.run(run(address))

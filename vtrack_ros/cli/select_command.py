@@ -1,0 +1,48 @@
+"""`vtrack select`: a target chosen in the browser."""
+
+import argparse
+import asyncio
+import re
+import secrets
+
+from vtrack_ros.cli.load_ros import load_rclpy
+
+EXAMPLES = """examples:
+  vtrack select
+  vtrack select /arm/tracker --port 8000
+  vtrack select --host 0.0.0.0
+
+Prints the page's address: open it, drag a box about the target or click on it. With --host, others
+than this machine may open it, if they know the token in the address. Ctrl-C ends it."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument('node', nargs='?', type=_name, default='/tracker', metavar='NODE',
+                        help='the tracking node (default: %(default)s)')
+    parser.add_argument('--host', metavar='ADDRESS', help='serve on this address, with a token '
+                        '(default: for this machine alone, without)')
+    parser.add_argument('--port', type=_port, default=8642, metavar='P',
+                        help='0 takes a free one (default: %(default)s)')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve the page until a signal; return 0."""
+    load_rclpy('selecting')
+    from vtrack_ros.selecting.server import serve
+    token = '' if arguments.host is None else secrets.token_urlsafe(16)
+    asyncio.run(serve(arguments.node, arguments.host or '127.0.0.1', arguments.port, token))
+    return 0
+
+
+def _name(text: str) -> str:
+    if not re.fullmatch(r'(/?[A-Za-z_]\w*)+', text):
+        raise argparse.ArgumentTypeError(
+            f'must be the name of a node, such as /tracker, not {text!r}')
+    return text if text.startswith('/') else f'/{text}'
+
+
+def _port(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) < 65536):
+        raise argparse.ArgumentTypeError(f'must be a port from 0 to 65535, not {text!r}')
+    return int(text)

@@ -1,0 +1,39 @@
+"""Who may see the page: who knows its address, and no page of another origin."""
+
+import hmac
+import ipaddress
+from urllib.parse import urlsplit
+
+from aiohttp import web
+from aiohttp.typedefs import Handler, Middleware
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host name or address is this machine's own."""
+    try:
+        return ipaddress.ip_address(host.strip('[]')).is_loopback
+    except ValueError:
+        return host == 'localhost'
+
+
+def guard(token: str) -> Middleware:
+    """
+    Return a middleware that refuses, with status 403, whoever shouldn't be here.
+
+    With a token the path has to begin with it; without one the page must have been asked for as
+    one of this machine, or a name that another page points here would do. An Origin, which every
+    browser sends with a WebSocket, must be the page's own.
+    """
+    @web.middleware
+    async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
+        given = request.path.split('/')[1].encode('utf-8', 'surrogateescape')
+        if token and not hmac.compare_digest(given, token.encode()):
+            raise web.HTTPForbidden(
+                text='The address lacks its token; vtrack select printed the whole one.\n')
+        if not token and not is_loopback(urlsplit(f'//{request.host}').hostname or ''):
+            raise web.HTTPForbidden(text=f'{request.host!r} is not this machine.\n')
+        origin = request.headers.get('Origin')
+        if origin is not None and urlsplit(origin).netloc != request.host:
+            raise web.HTTPForbidden(text=f'A page of {origin} may not ask this one.\n')
+        return await handler(request)
+    return check

@@ -1,0 +1,148 @@
+"""What a page shows: a tracking node's images and answers, kept one by one."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import Log
+from rclpy.node import Node
+from sensor_msgs.msg import CompressedImage, Image
+from vision_msgs.msg import Detection2DArray
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.ros.qos import Input
+
+#: So many of the newest images wait for the node's answer; so many places make the trail.
+_KEPT, _TRAIL = 4, 60
+#: What the page tells of the state.
+_SHOWN = ('confidence', 'ms_per_frame')
+_KINDS: dict[str, Any] = {
+    'sensor_msgs/msg/Image': Image, 'sensor_msgs/msg/CompressedImage': CompressedImage,
+    'vision_msgs/msg/Detection2DArray': Detection2DArray}
+
+
+class Observer:
+    """
+    Listens to one tracking node, whose topics are those that the graph says it has.
+
+    Images are only received while `watched`. All of it runs in the executor's thread; `changed` is
+    called there when there's something new to show, `said` with each warning that the node logs.
+    """
+
+    def __init__(self, node: Node, target: str, changed: Callable[[], None],
+                 said: Callable[[str], None]) -> None:
+        self._node = node
+        self._target = target
+        self._changed, self._said = changed, said
+        self._images: deque[Any] = deque(maxlen=_KEPT)
+        self._answer: Any = None
+        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
+        self._identity = ''
+        self._state: dict[str, str] = {}
+        self._inputs: dict[str, Input] = {}
+        self._image: Input | None = None
+        self.watched = False
+        self._inputs['state'] = Input(node, DiagnosticStatus, f'{target}/state', self._on_state)
+        self._rosout = node.create_subscription(Log, '/rosout', self._on_log, 10)
+        self._timer = node.create_timer(0.5, self.look)
+
+    def look(self) -> None:
+        """Look at the graph: find the node's topics, adapt to who publishes."""
+        name, _, base = self._target.rpartition('/')
+        name = name or '/'
+        if (base, name) not in self._node.get_node_names_and_namespaces():
+            return
+        if 'answer' not in self._inputs:
+            self._subscribe('answer', self._node.get_publisher_names_and_types_by_node(
+                base, name), ('vision_msgs/msg/Detection2DArray',), self._on_answer)
+        if self.watched and self._image is None:
+            self._image = self._subscribe('image', [
+                (topic, kinds) for topic, kinds in
+                self._node.get_subscriber_names_and_types_by_node(base, name)
+                if not topic.startswith(f'{self._target}/')],
+                ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage'), self._on_image)
+        elif not self.watched and self._image is not None:
+            self._inputs.pop('image').destroy()
+            self._image = None
+            self._images.clear()
+        for one in self._inputs.values():
+            one.check()
+
+    def picture(self) -> tuple[Any, dict[str, Any]] | None:
+        """
+        Return the image to show, with what is known of it; None before the first.
+
+        It's the newest that the node has answered, or the newest of all where the answers stay
+        away: while it's paused, say.
+        """
+        if not self._images:
+            return None
+        message, answer = self._images[-1], self._answer
+        known = answer and [one for one in self._images if one.header.stamp == answer.header.stamp]
+        shown: dict[str, Any] = {'state': dict(self._state), 'trail': list(self._trail)}
+        if known:
+            message = known[-1]
+            shown |= _of_detection(answer)
+        shown['stamp'] = str(stamp_nanoseconds(message.header.stamp))
+        return message, shown
+
+    def destroy(self) -> None:
+        """Take everything down."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_subscription(self._rosout)
+        for one in self._inputs.values():
+            one.destroy()
+
+    def _subscribe(self, name: str, topics: Any, kinds: tuple[str, ...],
+                   callback: Callable[[Any], None]) -> Input | None:
+        for topic, offered in topics:
+            for kind in kinds:
+                if kind in offered:
+                    self._inputs[name] = Input(self._node, _KINDS[kind], topic, callback)
+                    return self._inputs[name]
+        return None
+
+    def _on_image(self, message: Any) -> None:
+        self._images.append(message)
+        if self._answer is None or self._answer.header.stamp not in [
+                one.header.stamp for one in self._images]:
+            self._changed()
+
+    def _on_answer(self, message: Any) -> None:
+        self._answer = message
+        one = message.detections[0] if message.detections else None
+        if one is None or one.id != self._identity:
+            self._trail.clear()
+        self._identity = one.id if one is not None else ''
+        if one is not None:
+            center = one.bbox.center.position
+            self._trail.append((round(center.x, 1), round(center.y, 1)))
+        self._changed()
+
+    def _on_state(self, message: Any) -> None:
+        values = {row.key: row.value for row in message.values}
+        self._state = {'name': message.message, 'tracker': message.hardware_id, **{
+            key: values[key] for key in _SHOWN if key in values}}
+        self._changed()
+
+    def _on_log(self, message: Any) -> None:
+        if message.name == self._target.strip('/').replace('/', '.') and message.level >= 30:
+            self._said(str(message.msg))
+
+
+def decoded(message: Any) -> Frame:
+    """Return an image message's frame; ValueError if it can't be read."""
+    return compressed_to_frame(message) if hasattr(message, 'format') else to_frame(message)
+
+
+def _of_detection(answer: Any) -> dict[str, Any]:
+    """Return the box, and the covariance of its centre (xx, xy, yy) in px^2."""
+    if not answer.detections:
+        return {}
+    one = answer.detections[0]
+    center, rows = one.bbox.center.position, one.results[0].pose.covariance
+    return {'box': [center.x - one.bbox.size_x / 2, center.y - one.bbox.size_y / 2,
+                    one.bbox.size_x, one.bbox.size_y],
+            'covariance': [rows[0], rows[1], rows[7]]}

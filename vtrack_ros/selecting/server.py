@@ -1,0 +1,211 @@
+"""The page's server: pictures as fast as the viewer takes them, and what the viewer asks for."""
+
+from __future__ import annotations
+
+import asyncio
+from importlib.resources import files
+import json
+import signal
+from typing import Any
+
+from aiohttp import web, WSMsgType
+import cv2
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.selecting.access import guard
+from vtrack_ros.selecting.observer import decoded
+from vtrack_ros.selecting.tracker_link import TrackerLink
+
+#: The longest message that a viewer may send, in bytes.
+LONGEST_MESSAGE = 4096
+#: How often it's looked whether the node is there, in seconds.
+_BEAT = 0.3
+#: What is sent of an image: no side longer than this, in pixels, and so good.
+_LONGEST_SIDE, _QUALITY = 1280, 80
+_PAGE = {'': ('page.html', 'text/html'), 'page.js': ('page.js', 'text/javascript'),
+         'page.css': ('page.css', 'text/css')}
+_HEADERS = {
+    'Content-Security-Policy':
+        "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
+    'X-Content-Type-Options': 'nosniff', 'Referrer-Policy': 'no-referrer',
+    'Cache-Control': 'no-store'}
+
+
+class Viewer:
+    """
+    One browser: the next picture goes out when the last one was shown.
+
+    The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
+    `click` (stamp, x, y), `reset`, `reinit`, `enable` (on) or `set` (name, kind, value). It
+    receives, as `kind`: `picture`, with the JPEG's bytes in the message after it, `parameters` and
+    `told`.
+    """
+
+    def __init__(self, socket: web.WebSocketResponse, link: TrackerLink) -> None:
+        self._socket, self._link = socket, link
+        self._news = asyncio.Event()
+        self._shown = asyncio.Event()
+        self._shown.set()
+
+    def changed(self) -> None:
+        """Note that there is something new."""
+        self._news.set()
+
+    async def tell(self, text: str, wrong: bool = False) -> None:
+        """Show a line to the viewer."""
+        await self._socket.send_json({'kind': 'told', 'text': text, 'wrong': wrong})
+
+    async def send_pictures(self) -> None:
+        """Send the newest picture, and so on, until it's cancelled."""
+        sent = None
+        while True:
+            await self._shown.wait()
+            await self._news.wait()
+            self._news.clear()
+            found = self._link.picture()
+            if found is None or (known := (found[0], json.dumps(found[1]))) == sent:
+                continue
+            try:
+                data, width, height = await asyncio.to_thread(_jpeg, found[0])
+            except ValueError as error:
+                await self.tell(str(error), wrong=True)
+                continue
+            sent = known
+            self._shown.clear()
+            await self._socket.send_json(
+                {'kind': 'picture', 'width': width, 'height': height, **found[1]})
+            await self._socket.send_bytes(data)
+
+    async def listen(self) -> None:
+        """Do what the viewer asks for, until it goes."""
+        async for message in self._socket:
+            if message.type is not WSMsgType.TEXT:
+                continue
+            try:
+                await self._do(json.loads(message.data))
+            except (KeyError, TypeError, ValueError, OverflowError, TimeoutError) as error:
+                await self.tell(f'refused: {error}', wrong=True)
+
+    async def follow_node(self) -> None:
+        """Send the parameters whenever the node appears, until it's cancelled."""
+        before = None
+        while True:
+            there = self._link.reachable
+            if there and not before:
+                await self.tell('')
+                await self.send_parameters()
+            elif not there and before is not False:
+                await self.tell(f'waiting for the node {self._link.target}: is it running?', True)
+            before = there
+            await asyncio.sleep(_BEAT)
+
+    async def send_parameters(self) -> None:
+        """Send the node's parameters."""
+        try:
+            rows = await self._link.parameters()
+            await self._socket.send_json({'kind': 'parameters', 'rows': rows})
+        except TimeoutError as error:
+            await self.tell(str(error), wrong=True)
+
+    async def _do(self, asked: dict[str, Any]) -> None:
+        do = asked['do']
+        if do == 'shown':
+            self._shown.set()
+        elif do == 'box':
+            self._link.select_box(_stamp(asked), Box(
+                *(float(asked[name]) for name in ('x', 'y', 'width', 'height'))))
+        elif do == 'click':
+            self._link.select_point(_stamp(asked), float(asked['x']), float(asked['y']))
+        elif do in ('reset', 'reinit', 'enable'):
+            fields = {'data': bool(asked['on'])} if do == 'enable' else {}
+            answer = await self._link.ask(do, **fields)
+            await self.tell(answer.message, wrong=not answer.success)
+        elif do == 'set':
+            reason = await self._link.set_parameter(
+                str(asked['name']), str(asked['kind']), asked['value'])
+            await self.tell(reason or f'{asked["name"]} is {asked["value"]}', wrong=bool(reason))
+            if reason:
+                await self.send_parameters()
+        else:
+            raise ValueError(f'unknown request {do!r}')
+
+
+async def serve(target: str, host: str, port: int, token: str) -> None:
+    """Serve the page of a tracking node until SIGINT or SIGTERM; OSError if the port is taken."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    viewers: set[Viewer] = set()
+    tasks: set[asyncio.Task[None]] = set()
+
+    def changed() -> None:
+        for viewer in viewers:
+            viewer.changed()
+
+    def said(text: str) -> None:
+        for viewer in viewers:
+            task = loop.create_task(viewer.tell(text, wrong=True))
+            tasks.add(task)
+            task.add_done_callback(tasks.discard)
+    link = TrackerLink(target, changed, said)
+
+    async def page(request: web.Request) -> web.Response:
+        name, kind = _PAGE[request.path.rpartition('/')[2]]
+        body = files('vtrack_ros.selecting').joinpath('web', name).read_bytes()
+        return web.Response(body=body, content_type=kind, charset='utf-8', headers=_HEADERS)
+
+    async def viewing(request: web.Request) -> web.WebSocketResponse:
+        socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=20.0)
+        await socket.prepare(request)
+        viewer = Viewer(socket, link)
+        viewers.add(viewer)
+        link.watch(True)
+        tasks = [loop.create_task(viewer.send_pictures()),
+                 loop.create_task(viewer.follow_node())]
+        try:
+            await viewer.listen()
+        except ConnectionError:
+            pass
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            viewers.discard(viewer)
+            link.watch(bool(viewers))
+        return socket
+
+    application = web.Application(middlewares=[guard(token)], client_max_size=LONGEST_MESSAGE)
+    root = f'/{token}' if token else ''
+    application.router.add_get(f'{root}/ws', viewing)
+    for name in _PAGE:
+        application.router.add_get(f'{root}/{name}', page)
+    runner = web.AppRunner(application, shutdown_timeout=1.0)
+    try:
+        await runner.setup()
+        await web.TCPSite(runner, host, port).start()
+        named = f'[{host}]' if ':' in host else host
+        print(f'http://{named}:{runner.addresses[0][1]}{root}/', flush=True)
+        await stop.wait()
+    finally:
+        await runner.cleanup()
+        link.close()
+
+
+def _stamp(asked: dict[str, Any]) -> int:
+    """Return the stamp of a picture, which JavaScript's numbers are too short for."""
+    stamp = int(asked['stamp'])
+    if not 0 <= stamp < 2**31 * 10**9:
+        raise ValueError(f'stamp {stamp} is none')
+    return stamp
+
+
+def _jpeg(message: Any) -> tuple[bytes, int, int]:
+    """Return an image message as JPEG, and the image's own width and height."""
+    frame = decoded(message)
+    height, width = frame.shape[:2]
+    scale = _LONGEST_SIDE / max(height, width)
+    picture = frame if scale >= 1 else cv2.resize(
+        frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    return data.tobytes(), width, height

@@ -1,0 +1,148 @@
+"""A tracking node from afar: what is asked of it, in asyncio's words."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+import threading
+from typing import Any
+
+from geometry_msgs.msg import PointStamped
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import (
+    DescribeParameters, GetParameters, ListParameters, SetParameters)
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+from vision_msgs.msg import Detection2D
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.selecting.observer import Observer
+from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
+
+#: How long a service of the node may take, in seconds.
+PATIENCE = 5.0
+_SERVICES: dict[str, Any] = {
+    'reset': Trigger, 'reinit': Trigger, 'enable': SetBool, 'list_parameters': ListParameters,
+    'describe_parameters': DescribeParameters, 'get_parameters': GetParameters,
+    'set_parameters': SetParameters}
+
+
+class TrackerLink:
+    """
+    A ROS node that watches another one and points out its target, spun in a thread of its own.
+
+    `target` is the tracking node's full name; the callbacks are called in the thread of the event
+    loop that it was made in. To be closed.
+    """
+
+    def __init__(self, target: str, changed: Callable[[], None],
+                 said: Callable[[str], None]) -> None:
+        loop = self._loop = asyncio.get_running_loop()
+        self.target = target
+        self._context = Context()
+        # The signals are the event loop's.
+        rclpy.init(args=[], context=self._context,
+                   signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        self._node = Node('vtrack_select', context=self._context)
+        self._boxes = self._node.create_publisher(Detection2D, f'{target}/init', 1)
+        self._points = self._node.create_publisher(PointStamped, f'{target}/init_point', 1)
+        self._clients = {name: self._node.create_client(kind, f'{target}/{name}')
+                         for name, kind in _SERVICES.items()}
+
+        def later(call: Callable[..., None], *arguments: Any) -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(call, *arguments)
+        self._observer = Observer(self._node, target, lambda: later(changed),
+                                  lambda text: later(said, text))
+        self.picture = self._observer.picture
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name='ros')
+        self._thread.start()
+
+    @property
+    def reachable(self) -> bool:
+        """Return whether the node's services are there, and it hears of selections."""
+        return (all(client.service_is_ready() for client in self._clients.values())
+                and all(one.get_subscription_count() for one in (self._boxes, self._points)))
+
+    def watch(self, on: bool) -> None:
+        """Receive images, or no longer."""
+        self._observer.watched = on
+        self._executor.create_task(self._observer.look)
+
+    def select_box(self, stamp: int, box: Box) -> None:
+        """Point out the target as a box on the image of a stamp [ns]; errors as `ask`."""
+        message = Detection2D()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        message.bbox.center.position.x, message.bbox.center.position.y = box.center
+        message.bbox.size_x, message.bbox.size_y = box.width, box.height
+        self._publish(self._boxes, message)
+
+    def select_point(self, stamp: int, x: float, y: float) -> None:
+        """Point out the target by a point on the image of a stamp [ns]; errors as `ask`."""
+        message = PointStamped()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+        message.point.x, message.point.y = x, y
+        self._publish(self._points, message)
+
+    async def ask(self, service: str, **fields: Any) -> Any:
+        """Call a service of the node; TimeoutError where it doesn't answer."""
+        client, kind = self._clients[service], _SERVICES[service]
+        answer: asyncio.Future[Any] = self._loop.create_future()
+
+        def settle(future: Any) -> None:
+            if not answer.done():
+                answer.set_result(future.result())
+        if not client.service_is_ready():
+            raise TimeoutError(f'there is no service {self.target}/{service}: is the node '
+                               f'{self.target} running?')
+        request = client.call_async(kind.Request(**fields))
+        request.add_done_callback(
+            lambda future: self._loop.call_soon_threadsafe(settle, future))
+        try:
+            return await asyncio.wait_for(answer, PATIENCE)
+        except TimeoutError:
+            client.remove_pending_request(request)
+            raise TimeoutError(
+                f'{self.target}/{service} did not answer within {PATIENCE:g} s') from None
+
+    async def parameters(self) -> list[dict[str, Any]]:
+        """Return the parameters as `parameter_inputs`; errors as `ask`."""
+        listed = await self.ask('list_parameters')
+        names = list(listed.result.names)
+        described = await self.ask('describe_parameters', names=names)
+        values = await self.ask('get_parameters', names=names)
+        return parameter_inputs(described.descriptors, values.values)
+
+    async def set_parameter(self, name: str, kind: str, value: Any) -> str:
+        """Set a parameter; return why not, empty if it's set. Errors as `ask`, and ValueError."""
+        row = Parameter(name=name, value=parameter_value(kind, value))
+        result, = (await self.ask('set_parameters', parameters=[row])).results
+        return '' if result.successful else str(result.reason)
+
+    def close(self) -> None:
+        """Take the node down."""
+        self._executor.shutdown()
+        rclpy.try_shutdown(context=self._context)
+        self._thread.join()
+        self._observer.destroy()
+        self._node.destroy_node()
+
+    @staticmethod
+    def _publish(publisher: Any, message: Any) -> None:
+        """Publish what would otherwise be lost without a word."""
+        if not publisher.get_subscription_count():
+            raise TimeoutError(f'nobody listens on {publisher.topic_name}')
+        publisher.publish(message)
+
+    def _spin(self) -> None:
+        while self._context.ok():
+            try:
+                self._executor.spin_once(timeout_sec=0.5)
+            except (rclpy.executors.ExternalShutdownException,
+                    rclpy.executors.ShutdownException):
+                return

@@ -1,0 +1,222 @@
+'use strict';
+// Pixels of the picture, from its outer corner, are the coordinates throughout.
+
+const $ = id => document.getElementById(id);
+const canvas = $('picture');
+const pen = canvas.getContext('2d');
+const COLOURS = {tracking: '#3cdc3c', searching: '#ffa000', lost: '#e63c3c'};
+// A movement of fewer pixels on the screen is a click.
+const CLICK = 5;
+// How many pixels a picture should be wide, at least.
+const LEGIBLE = 1024;
+// The radius of a Gaussian's 90 % ellipse.
+const RADIUS = Math.sqrt(-2 * Math.log(0.1));
+
+let socket, picture = null, header = null, drag = null, paused = false, tracker = '', shownTracker = '';
+
+function ask(request) {
+  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
+}
+
+function connect() {
+  const address = new URL('ws', location.href);
+  address.protocol = address.protocol.replace('http', 'ws');
+  socket = new WebSocket(address);
+  socket.binaryType = 'blob';
+  let next = null;
+  socket.onmessage = async event => {
+    if (typeof event.data !== 'string') {
+      const image = await createImageBitmap(event.data);
+      if (drag) { waiting = [image, next]; return; }
+      show(image, next);
+      return;
+    }
+    const message = JSON.parse(event.data);
+    if (message.kind === 'picture') next = message;
+    if (message.kind === 'told') tell(message.text, message.wrong);
+    if (message.kind === 'parameters') fill(message.rows);
+  };
+  socket.onclose = () => {
+    $('state').textContent = 'no connection';
+    setTimeout(connect, 1000);
+  };
+}
+
+// While a box is drawn the picture stands still: it's the one that is drawn on.
+let waiting = null;
+
+function show(image, message) {
+  [picture, header] = [image, message];
+  draw();
+  tellState(message.state);
+  ask({do: 'shown'});
+}
+
+function draw() {
+  if (!picture) return;
+  // Small pictures are enlarged, so that lines are as fine as the screen's.
+  const enlarged = Math.max(1, Math.round(LEGIBLE / header.width));
+  if (canvas.width !== enlarged * header.width || canvas.height !== enlarged * header.height) {
+    [canvas.width, canvas.height] = [enlarged * header.width, enlarged * header.height];
+  }
+  pen.setTransform(enlarged, 0, 0, enlarged, 0, 0);
+  pen.drawImage(picture, 0, 0, header.width, header.height);
+  const thin = header.width / canvas.clientWidth;
+  pen.lineWidth = 2 * thin;
+  pen.lineJoin = 'round';
+  const trail = header.trail;
+  pen.strokeStyle = '#ffdc00';
+  pen.beginPath();
+  trail.forEach(([x, y]) => pen.lineTo(x, y));
+  pen.stroke();
+  if (header.box) {
+    pen.strokeStyle = COLOURS[header.state.name] || '#fff';
+    pen.strokeRect(...header.box);
+    ellipse(header.box, header.covariance);
+  }
+  if (drag && drag.moved) {
+    pen.setLineDash([6 * thin, 4 * thin]);
+    pen.strokeStyle = '#fff';
+    pen.strokeRect(drag.x, drag.y, drag.toX - drag.x, drag.toY - drag.y);
+    pen.setLineDash([]);
+  }
+}
+
+function ellipse([x, y, width, height], [xx, xy, yy]) {
+  const mean = (xx + yy) / 2, half = Math.hypot((xx - yy) / 2, xy);
+  const axis = value => RADIUS * Math.sqrt(Math.max(value, 0));
+  pen.beginPath();
+  pen.ellipse(x + width / 2, y + height / 2, axis(mean + half), axis(mean - half),
+    Math.atan2(2 * xy, xx - yy) / 2, 0, 2 * Math.PI);
+  pen.stroke();
+}
+
+function tellState(state) {
+  $('state').textContent = state.name || 'no node';
+  $('state').style.color = COLOURS[state.name] || '';
+  $('confidence').textContent = state.confidence || '-';
+  $('meter').value = state.confidence || 0;
+  $('tracker').textContent = tracker = state.tracker || '-';
+  $('ms').textContent = state.ms_per_frame ? `${Number(state.ms_per_frame).toFixed(1)} ms` : '-';
+  paused = state.name === 'paused';
+  $('pause').textContent = paused ? 'Go on' : 'Pause';
+  if (tracker !== shownTracker) showOwn();
+}
+
+function tell(text, wrong) {
+  $('told').textContent = text;
+  $('told').className = wrong ? 'wrong' : '';
+}
+
+function place(event) {
+  const area = canvas.getBoundingClientRect();
+  // object-fit: contain leaves margins where the shapes differ.
+  const {width, height} = header;
+  const scale = Math.min(area.width / width, area.height / height);
+  const x = (event.clientX - area.left - (area.width - width * scale) / 2) / scale;
+  const y = (event.clientY - area.top - (area.height - height * scale) / 2) / scale;
+  return [Math.min(Math.max(x, 0), width), Math.min(Math.max(y, 0), height)];
+}
+
+canvas.onpointerdown = event => {
+  if (!header || !event.isPrimary || event.button) return;
+  const [x, y] = place(event);
+  drag = {x, y, toX: x, toY: y, left: event.clientX, top: event.clientY, moved: false};
+  canvas.setPointerCapture(event.pointerId);
+};
+
+canvas.onpointermove = event => {
+  if (!drag) return;
+  [drag.toX, drag.toY] = place(event);
+  drag.moved ||= Math.hypot(event.clientX - drag.left, event.clientY - drag.top) >= CLICK;
+  draw();
+};
+
+canvas.onpointerup = () => {
+  if (!drag) return;
+  const {x, y, toX, toY, moved} = drag;
+  if (moved) {
+    ask({do: 'box', stamp: header.stamp, x: Math.min(x, toX), y: Math.min(y, toY),
+         width: Math.abs(toX - x), height: Math.abs(toY - y)});
+  } else {
+    ask({do: 'click', stamp: header.stamp, x, y});
+  }
+  endDrag();
+};
+
+canvas.onpointercancel = () => endDrag();
+
+function endDrag() {
+  drag = null;
+  tell('');
+  if (waiting) {
+    const [image, message] = waiting;
+    waiting = null;
+    show(image, message);
+  } else {
+    draw();
+  }
+}
+
+$('reset').onclick = () => ask({do: 'reset'});
+$('reinit').onclick = () => ask({do: 'reinit'});
+$('pause').onclick = () => ask({do: 'enable', on: paused});
+
+function fill(rows) {
+  const groups = new Map();
+  for (const row of rows) {
+    const owner = row.name.includes('.') ? row.name.split('.')[0] : '';
+    if (!groups.has(owner)) groups.set(owner, []);
+    groups.get(owner).push(row);
+  }
+  const named = [...groups].sort(([a], [b]) => a.localeCompare(b));
+  $('parameters').replaceChildren(...named.map(([owner, own]) => {
+    const set = document.createElement('fieldset');
+    set.dataset.owner = owner;
+    const legend = document.createElement('legend');
+    legend.textContent = owner || 'Node';
+    own.sort((a, b) => (b.name === 'tracker') - (a.name === 'tracker'));
+    set.replaceChildren(legend, ...own.map(input));
+    return set;
+  }));
+  showOwn();
+}
+
+// Of the trackers' parameters, those of the one in use.
+function showOwn() {
+  shownTracker = tracker;
+  for (const set of $('parameters').children) {
+    set.hidden = Boolean(set.dataset.owner) && set.dataset.owner !== tracker;
+  }
+}
+
+function input(row) {
+  const label = document.createElement('label');
+  const short = row.name.split('.').pop();
+  label.title = row.text;
+  label.append(short);
+  const field = document.createElement(row.choices ? 'select' : 'input');
+  if (row.choices) {
+    field.append(...row.choices.map(choice => new Option(choice, choice)));
+  } else if (row.kind === 'bool') {
+    field.type = 'checkbox';
+  } else if (row.kind !== 'text') {
+    field.type = 'number';
+    field.step = row.kind === 'int' ? 1 : 'any';
+    if ('low' in row) field.min = row.low;
+    if ('high' in row) field.max = row.high;
+  }
+  if (row.kind === 'bool') field.checked = row.value;
+  else field.value = row.value;
+  field.name = row.name;
+  field.onchange = () => {
+    const number = row.kind === 'int' || row.kind === 'float';
+    const value = row.kind === 'bool' ? field.checked : number ? Number(field.value) : field.value;
+    ask({do: 'set', name: row.name, kind: row.kind, value});
+  };
+  label.append(field);
+  return label;
+}
+
+$('parameters').onsubmit = event => event.preventDefault();
+connect();
