@@ -150,7 +150,8 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
     if not np.isfinite(point).all() or depth <= 0:
         return None
     total = depth * bend + np.outer(direction, change)
-    return Position(point, total @ box_covariance @ total.T, units)
+    covariance = total @ box_covariance @ total.T
+    return Position(point, covariance, units) if np.isfinite(covariance).all() else None
 
 
 def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:
