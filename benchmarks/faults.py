@@ -336,8 +336,8 @@ NOTES = """\
 - The publisher's time is from its first image on, the node's from its death, the start of Python
   and ROS included. No target was pointed out again after either.
 - Another size of the images gives the target up, as documented: for those three rows it was
-  pointed out again, and the time counts from there. After an 8K image (99.5 MB) the process stays larger
-  by about one.
+  pointed out again, and the time counts from there. After an 8K image (99.5 MB) the process stays
+  larger by about one.
 """
 
 
