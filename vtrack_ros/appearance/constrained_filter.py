@@ -14,8 +14,8 @@ from vtrack_ros.frame import Point
 #: Ridge of the filter [Lukezic2017, lambda], and the penalty of the first step, by what it grows.
 _RIDGE, _PENALTY, _GROWTH = 0.01, 5.0, 3.0
 _STEPS = 2
-#: It's learned from every so manieth example.
-_EVERY = 2
+#: It learns more slowly than others: it's what remembers the target.
+_SLOWNESS = 0.5
 #: The least answer of a channel to what it was learned from.
 _LEAST = 1e-4
 
@@ -36,7 +36,6 @@ class ConstrainedFilter(CorrelationFilter):
     """
 
     support: NDArray[np.float32]
-    examples: int = 0
 
     @classmethod
     def within(cls, width: float, height: float, empty: CorrelationFilter) -> ConstrainedFilter:
@@ -48,15 +47,13 @@ class ConstrainedFilter(CorrelationFilter):
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> ConstrainedFilter:
-        """Return the filter after one more example; see `CorrelationFilter.updated`."""
-        if rate < 1 and self.examples % _EVERY:
-            return replace(self, examples=self.examples + 1)
+        """Return the filter after one more example, of half the weight that is given."""
         learned = self._learned(spectrum, shift)
         if rate < 1:
-            kept = np.float32((1 - rate)**_EVERY)
-            learned *= 1 - kept
-            learned += kept * self.numerator
-        return replace(self, numerator=learned, examples=self.examples + 1)
+            rate *= _SLOWNESS
+            learned *= np.float32(rate)
+            learned += np.float32(1 - rate) * self.numerator
+        return replace(self, numerator=learned)
 
     def _learned(self, spectrum: Spectrum, shift: Point) -> Spectrum:
         """Return the constrained filter of one example."""

@@ -15,6 +15,9 @@ _RATE = 1 / 7
 #: The other model takes over when it's so much more similar to what it saw at first; it starts
 #: again beside the leader when it's been so much less similar for so many frames.
 _TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
+#: While they agree and are sure, the other one is updated after so many frames' time; in each of the
+#: first frames, where the target parts from what was behind it.
+_PAUSE, _FIRST = 2.5, 30
 #: Boxes that overlap less than that are of different places.
 _TOGETHER = 0.5
 #: The other model stays at its own maximum where that has this share of the highest response.
@@ -44,6 +47,8 @@ class Hypotheses:
         self._similarities = {self._leader: 1.0, self._other: 1.0}
         self._agreed = {each: each.snapshot for each in self._similarities}
         self._frames = self._apart = 0
+        #: The leader's place, and the time since, when the other one was updated last.
+        self._latest, self._waiting = center, 0.0
 
     @property
     def center(self) -> Point:
@@ -85,10 +90,12 @@ class Hypotheses:
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
-        before = self.center
         elsewhere = self._leader.update(frame, response, center, dt)
-        self._update_other(frame, before, dt)
         self._frames += 1
+        self._waiting += dt
+        if self._waiting < _PAUSE and not self._questionable():
+            return elsewhere
+        self._update_other(frame)
         rate = max(_RATE, 1 / self._frames)
         for each, mean in self._similarities.items():
             self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
@@ -99,16 +106,23 @@ class Hypotheses:
         x, y = np.subtract(center, self.center).tolist()
         for each in (self._leader, self._other):
             each.move_to((each.center[0] + x, each.center[1] + y))
+        self._latest = self._latest[0] + x, self._latest[1] + y
 
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:
         """Return the leader's estimate; see `Localiser.estimate`."""
         return self._leader.estimate(covariance, angle, particles, affine, box)
 
-    def _update_other(self, frame: Frame, before: Point, dt: float) -> None:
+    def _questionable(self) -> bool:
+        """Tell whether the two disagree, or one of them isn't sure, or they're new."""
+        return (self._frames <= _FIRST or self._apart > 0
+                or self._leader.uncertain or self._other.uncertain)
+
+    def _update_other(self, frame: Frame) -> None:
         """Let the other model follow its own maximum; about the leader's place, if it's near."""
         other, leader = self._other, self._leader
-        center = other.center
+        center, before, dt = other.center, self._latest, self._waiting
+        self._latest, self._waiting = leader.center, 0.0
         if math.dist(center, before) < math.sqrt(math.prod(other.size)):
             center = inside((center[0] + leader.center[0] - before[0],
                              center[1] + leader.center[1] - before[1]), frame)
