@@ -15,8 +15,8 @@ _RATE = 1 / 7
 #: The other model takes over when it's so much more similar to what it saw at first; it starts
 #: again beside the leader when it's been so much less similar for so many frames.
 _TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
-#: While they agree and are sure, the other one is updated after so many frames' time; in each of the
-#: first frames, where the target parts from what was behind it.
+#: While they agree and are sure, the other one is updated after so many frames' time; in each of
+#: the first frames, where the target parts from what was behind it.
 _PAUSE, _FIRST = 2.5, 30
 #: Boxes that overlap less than that are of different places.
 _TOGETHER = 0.5
