@@ -20,8 +20,8 @@ LONGEST_SILENCE = 1.0
 #: What Fast DDS's shared memory holds unless it is given our profile, in bytes.
 SHARED_MEMORY = 512 * 1024
 #: What is to be done about large images that are lost on the way.
-_PROFILE_ADVICE = ('lost before they came here: use the Fast DDS profile config/fastdds.xml on both '
-                   'sides')
+_PROFILE_ADVICE = ('lost before they came here: use the Fast DDS profile config/fastdds.xml on '
+                   'both sides')
 
 _LEVELS = {
     TrackState.TRACKING: DiagnosticStatus.OK,

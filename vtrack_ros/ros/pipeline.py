@@ -162,7 +162,8 @@ class Pipeline:
         if arrival is Arrival.NEXT:
             return True
         if arrival is Arrival.LATE:
-            self._log.warning('image dropped: its stamp is before, or far ahead of, that of the one before it',
+            self._log.warning('image dropped: its stamp is before, or far ahead of, that of the '
+                              'one before it',
                               throttle_duration_sec=QUIET)
             return False
         again = arrival is Arrival.BEGINNING
