@@ -15,7 +15,9 @@ from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, t
 from vtrack_ros.ros.qos import Input
 
 #: So many of the newest images wait for the node's answer; so many places make the trail.
-_KEPT, _TRAIL = 4, 60
+_KEPT, _TRAIL = 8, 60
+#: An answer to an image that's no longer kept is shown on the newest for so long, in nanoseconds.
+_RECENT = 1_000_000_000
 #: What the page tells of the state.
 _SHOWN = ('confidence', 'ms_per_frame')
 _KINDS: dict[str, Any] = {
@@ -74,8 +76,8 @@ class Observer:
         """
         Return the image to show, with what is known of it; None before the first.
 
-        It's the newest that the node has answered, or the newest of all where the answers stay
-        away: while it's paused, say.
+        It's the newest that the node has answered, or the newest of all where the answers come
+        much later or stay away: while it's paused, say.
         """
         if not self._images:
             return None
@@ -84,8 +86,10 @@ class Observer:
         shown: dict[str, Any] = {'state': dict(self._state), 'trail': list(self._trail)}
         if known:
             message = known[-1]
+        stamp = stamp_nanoseconds(message.header.stamp)
+        if answer and 0 <= stamp - stamp_nanoseconds(answer.header.stamp) < _RECENT:
             shown |= _of_detection(answer)
-        shown['stamp'] = str(stamp_nanoseconds(message.header.stamp))
+        shown['stamp'] = str(stamp)
         return message, shown
 
     def destroy(self) -> None:
