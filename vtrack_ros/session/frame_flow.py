@@ -11,7 +11,7 @@ MEMORY = 300
 LONGEST_GAP = 30
 #: How much earlier than the newest a late frame may be stamped, in nanoseconds.
 LATEST = 1_000_000_000
-#: How much more may pass on the clock of the stamps than on ours between two frames, in nanoseconds.
+#: How much more may pass between two frames by their stamps than on our clock, in nanoseconds.
 AHEAD = 60_000_000_000
 #: So many frames in a row that are stamped before the newest are no late ones.
 MOST_LATE = 3
@@ -35,8 +35,8 @@ class FrameFlow:
     Counts frames, and times them.
 
     `missing` ones never came, as the gaps between the stamps tell; `late` ones came after later
-    ones, or are stamped far ahead. `fault` is that of the last malformed one, `largest` the size of the largest image in
-    bytes; `processing` and `latency` are the latest ones in ms.
+    ones, or are stamped far ahead. `fault` is that of the last malformed one, `largest` the size of
+    the largest image in bytes; `processing` and `latency` are the latest ones in ms.
     """
 
     def __init__(self) -> None:
