@@ -35,8 +35,8 @@ class FrameFlow:
     Counts frames, and times them.
 
     `missing` ones never came, as the gaps between the stamps tell; `late` ones came after later
-    ones, or are stamped far ahead. `fault` is that of the last malformed one, `largest` the size of
-    the largest image in bytes; `processing` and `latency` are the latest ones in ms.
+    ones, or are stamped far ahead. `fault` is that of the last malformed one, `largest` the size
+    of the largest image in bytes; `processing` and `latency` are the latest ones in ms.
     """
 
     def __init__(self) -> None:
