@@ -392,5 +392,5 @@ def test_in_a_browser(still_bag, tmp_path):
             await page.screenshot(tmp_path / 'page.png')
             assert cv2.imread(str(tmp_path / 'page.png')).shape[2] == 3
     # Slowly: it must not begin again, with no target, in mid-test.
-    with NodeProcess(), serving() as address, playing(bag, 0.25):
+    with NodeProcess(), serving() as address, playing(bag, 0.1):
         asyncio.run(run(address))
