@@ -13,9 +13,9 @@ from vtrack_ros.scenes import render
 
 
 @pytest.fixture(scope='module')
-def overview(repository: Path) -> dict[str, object]:
-    """Return the names that the overview's examples define, and what they printed."""
-    text = (repository / 'docs' / 'overview.md').read_text()
+def examples(repository: Path) -> dict[str, object]:
+    """Return the names that the examples of adding something define, and what they printed."""
+    text = (repository / 'docs' / 'adding_a_tracker.md').read_text()
     names: dict[str, object] = {}
     with redirect_stdout(io.StringIO()) as output:
         for block in re.findall(r'```python\n(.*?)```', text, re.DOTALL):
@@ -23,22 +23,31 @@ def overview(repository: Path) -> dict[str, object]:
     return {**names, 'printed': output.getvalue()}
 
 
-def test_example_trackers(overview):
-    """The trackers of the overview follow a target."""
-    overlaps = [float(word) for word in overview['printed'].split()]
+def test_example_trackers(examples):
+    """The example trackers follow a target."""
+    overlaps = [float(word) for word in examples['printed'].split()]
     assert len(overlaps) == 2 and min(overlaps) > 0.7
 
 
-def test_example_cue(overview):
-    """The cue of the overview adds to the response where edges are."""
+def test_example_cue(examples):
+    """The example cue adds to the response where edges are."""
     shot = next(render('pose_change'))
     size = (shot.truth.width, shot.truth.height)
     window = WindowLayout.around(*size).window(shot.frame, shot.truth.center, size)
-    plain = overview['TargetModel'].create(window).response(window)
-    edges = overview['edge_cue'](window)
+    plain = examples['TargetModel'].create(window).response(window)
+    edges = examples['edge_cue'](window)
     assert edges.shape == plain.shape and edges.max() > 0
-    added = overview['EdgeModel'].create(window).response(window) - plain
+    added = examples['EdgeModel'].create(window).response(window) - plain
     assert added == pytest.approx(np.float32(0.05) * edges, abs=1e-6)
+
+
+def test_example_files(repository):
+    """What a page shows of an example's file is the file, of fewer than 60 lines in all."""
+    page = (repository / 'docs' / 'adding_a_tracker.md').read_text()
+    texts = [(repository / 'docs' / 'examples' / 'steady_tracker' / name).read_text()
+             for name in ('steady_tracker.py', 'pyproject.toml')]
+    assert all(f'\n{text}```' in page for text in texts)
+    assert sum(len(text.splitlines()) for text in texts) < 60
 
 
 def test_links(repository):

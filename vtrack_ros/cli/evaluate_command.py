@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--trackers', default='all', metavar='A,B,...',
         help='which trackers, with parameters where they differ from the defaults '
-        "(pf,gmpf:particles=40); all: every one of this package; papers: the papers' "
-        'methods; peers: those of OpenCV, where it has them')
+        "(pf,gmpf:particles=40); all: every one of this package and of others; papers: the "
+        "papers' methods; peers: those of OpenCV, where it has them")
     parser.add_argument('--bags', nargs='+', type=Path, default=[], metavar='BAG',
                         help='bags with truth')
     parser.add_argument('--topic', help='the image topic of the bags, where there are several')

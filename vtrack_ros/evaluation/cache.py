@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 import hashlib
-from importlib.util import resolve_name
+from importlib.util import find_spec, resolve_name
 import json
 import os
 from pathlib import Path
@@ -82,7 +82,7 @@ def _missing() -> Run:
 
 def source_hash(*modules: str) -> str:
     """
-    Return a hash of the source of modules and of all that they import from this package.
+    Return a hash of the source of modules and of all that they import from their own packages.
 
     A module's own parent packages don't count, only what's imported by name: a tracker's hash
     doesn't change with another tracker's source.
@@ -97,6 +97,8 @@ def source_files(*modules: str) -> dict[str, Path]:
     """Return the files that `source_hash` reads by module; ModuleNotFoundError for no module."""
     found: dict[str, Path] = {}
     waiting = list(modules)
+    # A tracker of another package is made of that one's source and of ours.
+    packages = frozenset((_PACKAGE, *(name.partition('.')[0] for name in modules)))
     while waiting:
         name = waiting.pop()
         if name in found:
@@ -106,27 +108,44 @@ def source_files(*modules: str) -> dict[str, Path]:
             raise ModuleNotFoundError(f'no module named {name!r}', name=name)
         found[name] = path
         package = name if path.name == '__init__.py' else name.rpartition('.')[0]
-        waiting.extend(_imports(path.read_bytes(), package))
+        waiting.extend(_imports(path.read_bytes(), package, packages))
     return found
 
 
 @lru_cache(maxsize=1000)
-def _imports(source: bytes, package: str) -> tuple[str, ...]:
+def _imports(source: bytes, package: str, packages: frozenset[str]) -> tuple[str, ...]:
     names: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names.extend(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             base = resolve_name('.' * node.level + (node.module or ''), package)
+            if base.partition('.')[0] not in packages:
+                continue
             inner = [f'{base}.{alias.name}' for alias in node.names]
             modules = [name for name in inner if _module_file(name)]
             # `from package import module` needs the package only for names that aren't modules.
             names.extend(modules if len(modules) == len(inner) else [*modules, base])
-    return tuple(name for name in names if name.partition('.')[0] == _PACKAGE)
+    return tuple(name for name in names if name.partition('.')[0] in packages)
 
 
 def _module_file(name: str) -> Path | None:
     package, *parts = name.split('.')
-    place = _ROOT.joinpath(*parts)
-    files = (place / '__init__.py', place.with_suffix('.py')) if package == _PACKAGE else ()
+    place = _place(package)
+    if place is None:
+        return None
+    place = place.joinpath(*parts)
+    files = (place / '__init__.py', place.with_suffix('.py'))
     return next((path for path in files if path.is_file()), None)
+
+
+@lru_cache
+def _place(package: str) -> Path | None:
+    """Return the folder of a package, or a module's file without its suffix."""
+    if package == _PACKAGE:
+        return _ROOT
+    spec = find_spec(package)
+    if spec is None or not spec.has_location or spec.origin is None:
+        return None
+    origin = Path(spec.origin)
+    return origin.parent if origin.name == '__init__.py' else origin.with_suffix('')

@@ -55,8 +55,8 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
     """
     Return the specifications of a comma-separated list; ValueError if it's wrong or empty.
 
-    `all` stands for the package's own trackers, `papers` for the papers' methods, and `peers` for
-    OpenCV's own, as far as the OpenCV that is installed has them. In
+    `all` stands for the trackers of this package and of others, `papers` for the papers' methods,
+    and `peers` for OpenCV's own, as far as the OpenCV that is installed has them. In
     `pf,gmpf:particles=40,floor=0.5,pqkpf` a part with `=` belongs to the tracker before it.
     One that is named twice counts once.
     """

@@ -38,12 +38,14 @@ with the reason and the valid range, and nothing changes.
 tracker and hold its parameters. This page and those files are made from the tables in the code by
 `python -m vtrack_ros.ros.parameter_files`.
 """
+#: What other packages add isn't in this one's files.
+_PRODUCT = tracker_names(replicas=False, installed=False)
 _TABLE = '| parameter | default | valid | what it does |', '| --- | --- | --- | --- |'
 
 
 def files() -> dict[str, str]:
     """Return the path in the source tree -> the text of every file."""
-    texts = {f'config/{name}.yaml': _tracker_yaml(name) for name in tracker_names(replicas=False)}
+    texts = {f'config/{name}.yaml': _tracker_yaml(name) for name in _PRODUCT}
     texts['config/node.yaml'] = _node_yaml()
     texts['docs/parameters.md'] = _page()
     return texts
@@ -91,9 +93,8 @@ def _page() -> str:
     lines = [_PAGE, '## The node', '', *_TABLE]
     lines += [_row(f'`{name}`', row) for name, row in NODE_PARAMETERS.items()]
     lines += [f'| `{INIT_BOX}` | `[]` | four numbers, or none | {INIT_BOX_DESCRIPTION} |', '']
-    product = tracker_names(replicas=False)
-    replicas = [name for name in tracker_names() if name not in product]
-    for title, trackers in ('The trackers', product), ("The papers' methods", replicas):
+    replicas = [name for name in tracker_names(installed=False) if name not in _PRODUCT]
+    for title, trackers in ('The trackers', _PRODUCT), ("The papers' methods", replicas):
         lines += [f'## {title}', '']
         lines += [f'- `{name}`: {tracker_class(name).SUMMARY}' for name in trackers]
         lines += ['', 'Behind the name of each of the trackers, as in `'

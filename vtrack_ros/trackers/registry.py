@@ -1,9 +1,19 @@
-"""Trackers by name: one line each, and every front end offers it."""
+"""
+Trackers by name, and every front end offers them: the package's own, one line each, and others'.
 
+Other packages add theirs by an entry point of the group `vtrack_ros.trackers`, whose name is the
+tracker's and whose value is its class (docs/adding_a_tracker.md).
+"""
+
+from functools import cache
+from importlib.metadata import entry_points
+import inspect
 from typing import Any
+import warnings
 
 import numpy as np
 
+from vtrack_ros.parameters import ParameterTable
 from vtrack_ros.replicas import REPLICAS
 from vtrack_ros.tracker import Tracker
 from vtrack_ros.trackers.abmspf import MeanShiftParticleFilter
@@ -20,19 +30,23 @@ _PRODUCT: tuple[type[Tracker], ...] = (
     PriorParticleFilter,
     CorrelationTracker,
 )
-_REGISTRY = {cls.NAME: cls for cls in (*_PRODUCT, *REPLICAS)}
+_OWN = {cls.NAME: cls for cls in (*_PRODUCT, *REPLICAS)}
+#: The group of entry points in which other packages name their trackers.
+GROUP = 'vtrack_ros.trackers'
 
 
-def tracker_names(replicas: bool = True) -> tuple[str, ...]:
-    """Return the names of all trackers, or without the replicas of the papers."""
-    return tuple(_REGISTRY) if replicas else tuple(cls.NAME for cls in _PRODUCT)
+def tracker_names(replicas: bool = True, installed: bool = True) -> tuple[str, ...]:
+    """Return the names of all trackers, or leave out the papers' replicas, or other packages'."""
+    return (*(cls.NAME for cls in _PRODUCT), *(_installed() if installed else ()),
+            *(cls.NAME for cls in REPLICAS if replicas))
 
 
 def tracker_class(name: str) -> type[Tracker]:
     """Return the class of a tracker; the ValueError of an unknown one lists those there are."""
-    if name not in _REGISTRY:
-        raise ValueError(f'unknown tracker {name!r}; valid are ' + ', '.join(_REGISTRY))
-    return _REGISTRY[name]
+    found = _OWN.get(name) or _installed().get(name)
+    if found is None:
+        raise ValueError(f'unknown tracker {name!r}; valid are ' + ', '.join(tracker_names()))
+    return found
 
 
 def create_tracker(
@@ -40,3 +54,34 @@ def create_tracker(
         **parameters: Any) -> Tracker:
     """Make a tracker by its name, with parameters of its own; errors as `Tracker`."""
     return tracker_class(name)(seed, **parameters)
+
+
+@cache
+def _installed() -> dict[str, type[Tracker]]:
+    """Return other packages' trackers; one that can't be used is left out, with a warning."""
+    found: dict[str, type[Tracker]] = {}
+    for entry in entry_points(group=GROUP):
+        try:
+            cls = entry.load()
+            _check(entry.name, cls)
+        # Whatever a foreign module does wrong, the other trackers must not be lost by it.
+        except Exception as error:  # noqa: B902
+            warnings.warn(f'tracker {entry.name!r} of {entry.value} is left out: '
+                          f'{type(error).__name__}: {error}', RuntimeWarning, stacklevel=1)
+        else:
+            found[entry.name] = cls
+    return found
+
+
+def _check(name: str, cls: Any) -> None:
+    """Raise TypeError or ValueError if an entry point's value isn't a tracker of that name."""
+    if not (isinstance(cls, type) and issubclass(cls, Tracker)) or inspect.isabstract(cls):
+        raise TypeError('it is no subclass of vtrack_ros.tracker.Tracker with all its methods')
+    if getattr(cls, 'NAME', None) != name:
+        raise ValueError(f"the class's NAME is {getattr(cls, 'NAME', None)!r}")
+    if name in _OWN or not name.isidentifier():
+        raise ValueError('the name must be an identifier, and not that of another tracker')
+    if not isinstance(getattr(cls, 'SUMMARY', None), str):
+        raise TypeError('SUMMARY must be a line of text')
+    if not isinstance(getattr(cls, 'PARAMETERS', None), ParameterTable):
+        raise TypeError('PARAMETERS must be a ParameterTable')

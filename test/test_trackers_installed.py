@@ -1,0 +1,88 @@
+"""Trackers of other packages: the documentation's example, and some that are wrong."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import tomllib
+
+from bag_material import write_short_bag
+from node_harness import Client, NodeProcess, overlap, Scene
+import pytest
+from rcl_interfaces.srv import DescribeParameters
+from vtrack_ros.selecting.parameter_inputs import parameter_inputs
+from vtrack_ros.trackers import tracker_names
+
+#: Entry points that are no trackers, and what is said of them.
+WRONG = {
+    'broken = no_such_module:Tracker': "No module named 'no_such_module'",
+    'other = steady_tracker:SteadyTracker': "NAME is 'steady'",
+    'base = vtrack_ros.tracker:Tracker': 'no subclass',
+    'gmpf = vtrack_ros.trackers.dcf:CorrelationTracker': "NAME is 'dcf'",
+    'dcf = vtrack_ros.trackers.dcf:CorrelationTracker': 'not that of another'}
+
+
+@pytest.fixture(scope='module')
+def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the example as pip installs it, and entry points that are wrong."""
+    folder = tmp_path_factory.mktemp('site')
+    sources = repository / 'docs' / 'examples' / 'steady_tracker'
+    shutil.copy(sources / 'steady_tracker.py', folder)
+    project = tomllib.loads((sources / 'pyproject.toml').read_text())['project']
+    information = folder / f'{project["name"]}-{project["version"]}.dist-info'
+    information.mkdir()
+    (information / 'METADATA').write_text(
+        f'Metadata-Version: 2.1\nName: {project["name"]}\nVersion: {project["version"]}\n')
+    [(group, points)] = project['entry-points'].items()
+    rows = [f'{name} = {value}' for name, value in points.items()]
+    (information / 'entry_points.txt').write_text('\n'.join([f'[{group}]', *rows, *WRONG]))
+    return folder
+
+
+def test_library_and_command_line(site, repository, tmp_path):
+    """They have the tracker; those that are wrong are named and leave the others be."""
+    code = f"""
+from vtrack_ros.cli.command_line import main
+from vtrack_ros.evaluation.cache import source_files
+from vtrack_ros.evaluation.tracker_specification import parse_trackers
+from vtrack_ros.trackers import create_tracker, tracker_names
+assert create_tracker('steady', seed=0, share=0.5).parameters == {{'share': 0.5}}
+assert type(create_tracker('gmpf')).__name__ == 'GreyParticleFilter'
+assert tracker_names(replicas=False) == {tracker_names(replicas=False)} + ('steady',)
+assert 'steady' in [one.name for one in parse_trackers('all')]
+files = source_files('steady_tracker')
+assert {{'steady_tracker', 'vtrack_ros.localisation.localiser'}} < set(files)
+bag = {str(write_short_bag(tmp_path / 'bag', repository))!r}
+assert main(['replay', bag, '--tracker', 'steady', '--set', 'share=0.9', '--json']) == 0
+assert main(['evaluate', '--bags', bag, '--trackers', 'steady', '--jobs', '1', '--no-cache']) == 0
+assert main(['replay', bag, '--tracker', 'steady', '--set', 'share=9']) == 2
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join((str(repository), str(site)))})
+    assert done.returncode == 0, done.stderr
+    assert 'steady ' in done.stdout
+    assert 'share must be a number from 0.1 to 1' in done.stderr
+    for row, words in WRONG.items():
+        [line] = [line for line in done.stderr.splitlines()
+                  if f'tracker {row.split()[0]!r}' in line]
+        assert words in line
+
+
+def test_node_and_page(site):
+    """The node tracks by it; the page gets its name and its parameters, and they can be set."""
+    scene = Scene()
+    prelude = f'sys.path.append({str(site)!r})'
+    with NodeProcess(prelude=prelude, tracker='steady') as node, Client().ready() as client:
+        assert client.change(init_box=list(map(float, scene.box(0).as_array())))[0].successful
+        assert overlap(client.play(scene, range(10))[-1], scene.box(9)) > 0.6
+        assert client.change(steady__share=0.9)[0].successful
+        [refused] = client.change(steady__share=2.0)
+        assert 'from 0.1 to 1' in refused.reason
+        names = ['tracker', 'steady.share']
+        described = client.ask('~/describe_parameters', DescribeParameters, names=names)
+        values = client.call(client.parameters.get_parameters(names)).values
+        tracker, share = parameter_inputs(described.descriptors, values)
+        assert 'steady' in tracker['choices'] and share['value'] == 0.9
+        assert "tracker 'broken' of no_such_module:Tracker is left out" in node.log
