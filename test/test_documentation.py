@@ -4,11 +4,17 @@ from contextlib import redirect_stdout
 import io
 from pathlib import Path
 import re
+from types import SimpleNamespace as Of
+from typing import Any
 
+from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
+from std_msgs.msg import Header
 
+from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.search_window import WindowLayout
+from vtrack_ros.messages.selections import best_detection
 from vtrack_ros.scenes import render
 
 
@@ -48,6 +54,22 @@ def test_example_files(repository):
              for name in ('steady_tracker.py', 'pyproject.toml')]
     assert all(f'\n{text}```' in page for text in texts)
     assert sum(len(text.splitlines()) for text in texts) < 60
+
+
+def test_yolo_detections(repository):
+    """The example makes vision_msgs of the fields that yolo_msgs has, and is on its page."""
+    text = (repository / 'docs' / 'examples' / 'yolo_detections.py').read_text()
+    assert f'```python\n{text}```' in (repository / 'docs' / 'detector.md').read_text()
+    names: dict[str, Any] = {'__name__': 'example'}
+    exec(text, names)
+    center = Of(position=Of(x=40.0, y=30.0), theta=0.0)
+    one = Of(class_id=3, class_name='dog', score=0.75, id='7',
+             bbox=Of(center=center, size=Of(x=20.0, y=10.0)))
+    header = Header(stamp=Time(sec=5), frame_id='camera')
+    found = best_detection(
+        names['converted'](Of(header=header, detections=[one])), 'dog', 0.5, 'detector')
+    assert found.box == Box(30, 25, 20, 10)
+    assert (found.stamp, found.class_id, found.target_id) == (5 * 10**9, 'dog', '7')
 
 
 def test_links(repository):

@@ -24,6 +24,7 @@ _COMMANDS = {
     'play': 'publish a bag, as ros2 bag play would',
     'replay': 'run a tracker over a bag, without a node',
     'evaluate': 'compare trackers on bags and image folders with truth',
+    'doctor': 'say what is installed, what arrives, and what to do where something is wrong',
     'select': 'point out the target in the browser, and watch it being tracked',
 }
 
@@ -70,7 +71,7 @@ def _run(words: list[str]) -> int:
         return complain('vtrack', f'unknown command {name!r}; {hint}')
     prog = f'vtrack {name}'
     try:
-        arguments = _parser(name).parse_args(
+        arguments = command_parser(name).parse_args(
             ['--help'] if name == 'help' else negative_values(words))
         return int(arguments.run(arguments))
     except ModuleNotFoundError as error:
@@ -90,7 +91,7 @@ def _run(words: list[str]) -> int:
         return 1
 
 
-def _parser(called: str) -> Parser:
+def command_parser(called: str) -> Parser:
     """Return a parser that knows all commands by name, and the called one by its arguments."""
     parser = Parser('vtrack', description='Bags of images, and trackers that follow a target in '
                     'them.', epilog='vtrack COMMAND --help tells more, with examples.')

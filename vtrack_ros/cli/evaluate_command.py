@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--trackers', default='all', metavar='A,B,...',
         help='which trackers, with parameters where they differ from the defaults '
-        "(pf,gmpf:particles=40); all: every one of this package and of others; papers: the "
+        '(pf,gmpf:particles=40); all: every one of this package and of others; papers: the '
         "papers' methods; peers: those of OpenCV, where it has them")
     parser.add_argument('--bags', nargs='+', type=Path, default=[], metavar='BAG',
                         help='bags with truth')

@@ -1,0 +1,118 @@
+"""
+The pictures of README and the documentation, from the project's own scenes and result files.
+
+`python benchmarks/pictures.py [scenes] [animation] [plot]` writes docs/images/scenes.jpg,
+tracking.webp and accuracy_speed.svg; without arguments all of them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+import json
+from pathlib import Path
+import sys
+
+import cv2
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+import numpy as np
+from PIL import Image
+
+from vtrack_ros.drawing import AnnotatedFrame, contact_sheet
+from vtrack_ros.evaluation.charts import colour, svg
+from vtrack_ros.scenes import render, scene_names
+from vtrack_ros.trackers import create_tracker, Frame
+
+ROOT = Path(__file__).resolve().parents[1]
+IMAGES, RESULTS = ROOT / 'docs' / 'images', ROOT / 'docs' / 'results'
+#: The frame of each scene in which what makes it hard is seen.
+TELLING = {'face_fast': 14, 'football': 66, 'similar_occlusion': 106, 'pose_change': 56,
+           'scale_change': 76, 'light_change': 66, 'light_step': 60, 'full_occlusion': 66,
+           'car_approach': 110, 'helicopter': 100, 'leave_and_return': 52, 'low_light_noise': 30,
+           'distractor_cross': 40}
+#: What the animation shows: scenes side by side, their first and last frame.
+ANIMATED = {'scale_change': (20, 110), 'full_occlusion': (30, 120), 'light_change': (20, 110)}
+#: The size of a picture, and every how many frames one is shown for how long, in ms.
+SIZE, STEP, SHOWN = (280, 210), 2, 80
+
+
+def tracked(scene: str, frames: int) -> Iterator[Frame]:
+    """Return the pictures of a scene tracked by gmpf, with all that is known of the target."""
+    shots = render(scene, frames=frames)
+    first = next(shots)
+    tracker = create_tracker('gmpf', seed=0)
+    estimate = tracker.start(first.frame, first.truth)
+    trail: deque[tuple[float, float]] = deque(maxlen=40)
+    for shot in (first, *shots):
+        if shot is not first:
+            estimate = tracker.update(shot.frame)
+        trail.append(estimate.box.center)
+        picture = AnnotatedFrame(shot.frame)
+        picture.trail(trail)
+        picture.estimate(estimate)
+        picture.text(f'{estimate.state.value} {estimate.confidence:.2f}')
+        yield picture.picture
+
+
+def resized(picture: Frame) -> Frame:
+    """Return a picture in the common size, with a border where the shape is another."""
+    scale = min(SIZE[0] / picture.shape[1], SIZE[1] / picture.shape[0])
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    result = np.full((SIZE[1], SIZE[0], 3), 32, np.uint8)
+    y, x = (SIZE[1] - small.shape[0]) // 2, (SIZE[0] - small.shape[1]) // 2
+    result[y:y + small.shape[0], x:x + small.shape[1]] = small
+    return result
+
+
+def write_scenes(path: Path) -> None:
+    """Write a sheet with a picture of each scene."""
+    pictures = []
+    for name in scene_names():
+        *_, last = tracked(name, TELLING[name] + 1)
+        picture = resized(last)
+        cv2.rectangle(picture, (0, SIZE[1] - 22), (SIZE[0], SIZE[1]), (32, 32, 32), -1)
+        cv2.putText(picture, name, (6, SIZE[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5,
+                    (255, 255, 255), 1, cv2.LINE_AA)
+        pictures.append(picture)
+    cv2.imwrite(str(path), contact_sheet(pictures), [cv2.IMWRITE_JPEG_QUALITY, 82])
+
+
+def write_animation(path: Path) -> None:
+    """Write an animated WebP of some scenes side by side."""
+    films = [list(map(resized, tracked(name, last)))[first::STEP]
+             for name, (first, last) in ANIMATED.items()]
+    frames = [Image.fromarray(np.hstack(row)[..., ::-1]) for row in zip(*films)]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=SHOWN, loop=0,
+                   quality=55, method=6)
+
+
+def write_plot(path: Path) -> None:
+    """Write the accuracy on the first sixteen targets against the frame rate."""
+    accuracy = json.loads((RESULTS / 'sequences.json').read_text())['summary']
+    times = json.loads((RESULTS / 'speed.json').read_text())['image']['640x480']
+    names = [name for name in times if name in accuracy]
+    figure = Figure((6.4, 3.6), layout='constrained')
+    axes = figure.add_subplot()
+    for index, name in enumerate(names):
+        peer = name.startswith('opencv_')
+        x, y = 1e3 / times[name], accuracy[name]['auc']
+        axes.scatter(x, y, marker='s' if peer else 'o', color=colour(index))
+        axes.annotate(name.removeprefix('opencv_').upper() if peer else name, (x, y), (2, 6),
+                      textcoords='offset points', fontsize=9, rotation=40)
+    axes.set_xscale('log')
+    axes.set(xlabel='updates per second of one core, 640 x 480, target of 64 px',
+             ylabel='AUC, 16 targets', ylim=(0, 0.9))
+    axes.grid(alpha=0.3)
+    with rc_context({'svg.hashsalt': 'vtrack', 'svg.fonttype': 'none'}):
+        path.write_text(svg(figure) + '\n', encoding='utf-8')
+
+
+MADE = {'scenes': (write_scenes, 'scenes.jpg'), 'animation': (write_animation, 'tracking.webp'),
+        'plot': (write_plot, 'accuracy_speed.svg')}
+
+if __name__ == '__main__':
+    for name in sys.argv[1:] or MADE:
+        write, file = MADE[name]
+        write(IMAGES / file)
+        print(IMAGES / file)

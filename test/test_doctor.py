@@ -1,0 +1,108 @@
+"""`vtrack doctor`: what it says of real publishers, and without ROS."""
+
+import os
+import subprocess
+import sys
+import threading
+
+from node_harness import Client, END_WITH_PARENT, image_message, Scene
+import pytest
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import Image
+from vtrack_ros.cli.command_line import main
+from vtrack_ros.dds import profile_path, VARIABLES
+
+#: A camera that sends VGA images in colour, best effort, 30 a second, until it is ended.
+CAMERA = END_WITH_PARENT + """
+import time
+import rclpy
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Image
+rclpy.init()
+node = rclpy.create_node('camera')
+publisher = node.create_publisher(Image, 'camera/image_raw', qos_profile_sensor_data)
+message = Image(height=480, width=640, encoding='bgr8', step=1920, data=bytes(921600))
+while True:
+    publisher.publish(message)
+    time.sleep(1 / 30)
+"""
+
+
+def lines(capsys, *arguments):
+    """Return the exit code of `vtrack doctor`, and its lines."""
+    code = main(['doctor', *arguments])
+    return code, capsys.readouterr().out.splitlines()
+
+
+def starting(found, text):
+    """Return the only line that starts with a text."""
+    [line] = [line for line in found if line.startswith(text)]
+    return line
+
+
+def test_without_ros(monkeypatch, capsys):
+    """It says what there is, what isn't, and how to get it."""
+    for name in ('rclpy', 'aiohttp'):
+        monkeypatch.setitem(sys.modules, name, None)
+    code, found = lines(capsys)
+    assert code == 0
+    assert 'Python' in starting(found, 'ok    vtrack_ros')
+    assert 'gmpf' in starting(found, 'ok    trackers')
+    assert 'no vtrack select' in starting(found, 'note  aiohttp')
+    assert 'needs rclpy' in starting(found, 'note  without ROS') and 'scripts/setup' in found[-1]
+
+
+@pytest.mark.parametrize('value, words', [
+    ('', 'note  no Fast DDS profile is set'), ('/nowhere.xml', 'wrong the Fast DDS profile /now'),
+    (str(profile_path()), 'ok    the Fast DDS profile is'),
+    (__file__, f'note  the Fast DDS profile is {__file__}, not')])
+def test_profile(monkeypatch, capsys, value, words):
+    """The profile of the environment, which is set, missing, ours or another."""
+    for name in VARIABLES:
+        monkeypatch.setenv(name, value)
+    code, found = lines(capsys, '--seconds', '0')
+    assert code == int(words.startswith('wrong'))
+    assert starting(found, words)
+    assert starting(found, 'note  nobody publishes images')
+
+
+def test_topics(capsys):
+    """A small image arrives; who asks for reliable ones gets none; who is silent is named."""
+    frame = image_message(Scene().frame(0), 10**9)
+    done = threading.Event()
+    with Client('/camera/driver', reliability='BEST_EFFORT', topic='image_raw') as client:
+        client.node.create_subscription(Image, '/camera/image_raw', print, QoSProfile(depth=1))
+        client.node.create_publisher(Image, '/silent', qos_profile_sensor_data)
+
+        def send():
+            while not done.wait(0.02):
+                client.images.publish(frame)
+        thread = threading.Thread(target=send)
+        thread.start()
+        try:
+            code, found = lines(capsys, '--seconds', '0.6')
+        finally:
+            done.set()
+            thread.join()
+    assert code == 1
+    line = starting(found, 'ok    /camera/image_raw: best effort, from /client to /client; 160 x')
+    assert line.endswith('lost')
+    assert '/client gets nothing from /client' in starting(found, 'wrong /camera/image_raw')
+    assert 'no image came' in starting(found, 'wrong /silent')
+
+
+def test_lost_images(capsys):
+    """Without the profile large images are lost on the way; it says how many, and what to do."""
+    environment = {name: value for name, value in os.environ.items() if name not in VARIABLES}
+    camera = subprocess.Popen([sys.executable, '-c', CAMERA], env=environment)
+    try:
+        with Client(publish=None) as client:
+            client.until(lambda: client.node.count_publishers('/camera/image_raw'), 'no camera')
+            code, found = lines(capsys, '--seconds', '1')
+    finally:
+        camera.kill()
+        camera.wait()
+    assert code == 1
+    assert 'lost on the way' in starting(found, 'wrong /camera/image_raw')
+    assert 'fastdds.xml: such images' in found[found.index(
+        starting(found, 'wrong /camera/image_raw')) + 1]

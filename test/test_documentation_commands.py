@@ -1,0 +1,109 @@
+"""Every command of the documentation: it can be called so, on what there is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+import re
+import shlex
+
+from conftest import REPOSITORY
+import pytest
+import sensor_msgs.msg
+from vtrack_ros.cli.command_line import command_parser, negative_values
+from vtrack_ros.evaluation.stress_kinds import stress_kinds
+from vtrack_ros.evaluation.tracker_specification import parse_trackers
+from vtrack_ros.ros.parameter_node import checked_init_box, parameter_table
+from vtrack_ros.scenes import scene_names
+import yaml
+
+EXECUTABLES = ('tracker', 'tracker_lifecycle', 'vtrack')
+#: Others' programs, which these tests leave to their own.
+OTHERS = ('cd', 'colcon', 'dask', 'export', 'git', 'pip', 'rosdep', 'source')
+PAGES = [page for page in (*REPOSITORY.glob('*.md'), *(REPOSITORY / 'docs').rglob('*.md'))
+         if page.name != 'notebook.md']
+
+
+def lines(page: Path) -> Iterator[str]:
+    """Return the lines of a page's blocks that are no Python."""
+    language = None
+    for line in page.read_text().replace('\\\n', '').splitlines():
+        if line.startswith('```'):
+            language = line[3:] if language is None else None
+        elif language in ('', 'bash') or language is None and line.startswith('    '):
+            yield line.strip()
+
+
+def commands(page: Path) -> Iterator[list[str]]:
+    """Return the words of a page's commands; what isn't one has no known program."""
+    programs = '|'.join(map(re.escape, (*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3')))
+    for line in lines(page):
+        if re.match(rf'([A-Z_]+=\S+ )*(({programs}) |(\./)?scripts/|\.venv/bin/)', line):
+            words = shlex.split(line, comments=True)
+            while '=' in words[0]:
+                del words[0]
+            text = ' '.join(map(shlex.quote, words)).replace("'&&'", '\n').replace("'&'", '\n')
+            yield from filter(None, map(shlex.split, text.splitlines()))
+
+
+def check_vtrack(words: list[str]) -> None:
+    """Check a command line of vtrack."""
+    found = command_parser(words[0]).parse_args(negative_values(words))
+    if hasattr(found, 'trackers'):
+        parse_trackers(found.trackers.replace('steady', 'pf'))
+        stress_kinds(found.stress or 'all')
+    for scene in (getattr(found, 'scenes', None) or 'football').split(','):
+        assert scene in scene_names()
+
+
+def check_parameter(name: str, value: str) -> None:
+    """Check that the node has a parameter that may have that value."""
+    if name == 'init_box':
+        assert checked_init_box(yaml.safe_load(value))
+    elif not name.startswith('steady.') and value != 'steady':
+        parameter_table()[name].parsed(value)
+
+
+def check_ros2(verb: str, words: list[str]) -> None:
+    """Check a command line of ros2, as far as it concerns this package."""
+    if verb == 'run' and words[0] == 'vtrack_ros':
+        assert words[1] in EXECUTABLES
+        if words[1] == 'vtrack':
+            check_vtrack(words[2:])
+        for flag, value in zip(words, words[1:]):
+            if flag == '-p':
+                check_parameter(*value.split(':='))
+    elif verb == 'launch' and words[0] == 'vtrack_ros':
+        text = (REPOSITORY / 'launch' / words[1]).read_text()
+        assert all(f"'{word.split(':=')[0]}'" in text for word in words[2:])
+    elif verb == 'param' and words[0] == 'set':
+        check_parameter(*words[2:])
+    elif verb == 'topic' and words[0] == 'pub':
+        package, kind = words[-2].split('/msg/')
+        assert package == 'sensor_msgs'
+        getattr(sensor_msgs.msg, kind)(**yaml.safe_load(words[-1]))
+    else:
+        assert verb in ('run', 'param', 'pkg', 'topic', 'launch'), verb
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_commands(page):
+    """Options, names, types and values are those that there are; files exist."""
+    for words in commands(page):
+        program = words[0].removeprefix('./')
+        if program == 'vtrack':
+            check_vtrack(words[1:])
+        elif program == 'ros2':
+            check_ros2(words[1], words[2:])
+        elif program in ('python', 'python3'):
+            assert words[1].startswith('-') or (REPOSITORY / words[1]).is_file(), words
+        elif program.startswith('scripts/'):
+            assert (REPOSITORY / program).is_file(), words
+        else:
+            assert program in (*OTHERS, *EXECUTABLES) or program.startswith('.venv/bin/')
+
+
+def test_commands_are_found():
+    """Pages have as many as one sees in them."""
+    counts = {page.name: len(list(commands(page))) for page in PAGES}
+    assert counts['node.md'] >= 9 and counts['bags.md'] >= 14 and counts['start.md'] >= 14

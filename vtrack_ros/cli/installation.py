@@ -1,0 +1,93 @@
+"""What is installed, and what is set for the middleware: found out without ROS."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+import os
+from pathlib import Path
+import platform
+import shutil
+import sys
+
+import vtrack_ros
+from vtrack_ros.dds import PROFILE, profile_path, RECEIVING, VARIABLES
+
+#: What is imported for what; the extra of this package that brings it.
+_OPTIONAL = {
+    'rosbags': ('bags', 'tools'), 'joblib': ('vtrack evaluate', 'tools'),
+    'jinja2': ('reports', 'tools'), 'matplotlib': ('reports', 'tools'),
+    'tqdm': ('progress bars', 'tools'), 'threadpoolctl': ('vtrack evaluate', 'tools'),
+    'aiohttp': ('vtrack select', 'select')}
+#: Where processes of a machine share memory, and how much of it two of them need, in bytes.
+_SHARED, _NEEDED = Path('/dev/shm'), 2 * 64 * 2**20
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is well or not, and what is to be done about it where it isn't."""
+
+    text: str
+    advice: str = ''
+    wrong: bool = False
+
+
+def versions() -> Finding:
+    """Return what runs here."""
+    import cv2
+    import numpy as np
+    return Finding(
+        f'vtrack_ros {vtrack_ros.__version__}, Python {platform.python_version()}, NumPy '
+        f'{np.__version__}, OpenCV {cv2.__version__}, {os.cpu_count()} processors, '
+        f'{platform.system()} {platform.machine()}')
+
+
+def libraries() -> Iterator[Finding]:
+    """Return which libraries are missing, and what for."""
+    missing = [name for name in _OPTIONAL if find_spec(name) is None]
+    for name in missing:
+        use, extra = _OPTIONAL[name]
+        yield Finding(f'{name} is not installed: no {use}',
+                      f"pip install 'vtrack_ros[{extra}]', or apt install python3-{name}")
+    if not missing:
+        yield Finding('bags, evaluation, reports and the page have their libraries')
+
+
+def trackers() -> Finding:
+    """Return which trackers there are."""
+    from vtrack_ros.trackers import tracker_names
+    own = tracker_names(replicas=False, installed=False)
+    added = [name for name in tracker_names(replicas=False) if name not in own]
+    return Finding(f'trackers {", ".join(own)}' + (
+        f'; of other packages {", ".join(added)}' if added else ''))
+
+
+def profile_setting() -> str:
+    """Return what is to be set for who sends and receives images."""
+    return f'{VARIABLES[0]}={profile_path()}'
+
+
+def profile(environment: Mapping[str, str]) -> Finding:
+    """Return which Fast DDS profile an environment names."""
+    advice = f'start the camera driver and the node with {profile_setting()} (docs/camera.md)'
+    named = [environment[name] for name in VARIABLES if environment.get(name)]
+    if not named:
+        return Finding('no Fast DDS profile is set in this shell', advice)
+    path = Path(named[0])
+    if not path.is_file():
+        return Finding(f'the Fast DDS profile {path} does not exist', advice, wrong=True)
+    if path.name not in (PROFILE, RECEIVING):
+        return Finding(f'the Fast DDS profile is {path}, not the one of this package',
+                       'make sure that its shared memory holds several images')
+    return Finding(f'the Fast DDS profile is {path}')
+
+
+def shared_memory() -> Finding:
+    """Return whether processes can share as much memory as images need."""
+    if not _SHARED.is_dir():
+        return Finding(f'{sys.platform} has no {_SHARED}: images go over the network')
+    free = shutil.disk_usage(_SHARED).free
+    text = f'{free / 2**20:.0f} MiB of shared memory are free'
+    if free < _NEEDED:
+        return Finding(text + ', too little for images', 'in a container: docker run --ipc=host, '
+                       'or --shm-size=1g', wrong=True)
+    return Finding(text)

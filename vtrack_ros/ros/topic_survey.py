@@ -1,0 +1,124 @@
+"""What comes on the image topics that there are: listened to for a moment, from outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import time
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy
+
+from vtrack_ros.ros.diagnostics import SHARED_MEMORY
+from vtrack_ros.ros.message_types import MessageTypes
+
+_IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+#: How long the graph is given to show itself, in seconds, and how many images may wait.
+_DISCOVERY, _DEPTH = 1.5, 30
+
+
+@dataclass(frozen=True)
+class ImageTopic:
+    """
+    What was seen of an image topic.
+
+    `mismatches` name the subscribers that get nothing; `received` are the images within the time
+    that was listened, `lost` those that the middleware knows to have been sent besides, `rate` is
+    of those received, in Hz; `size` that of the largest in bytes, `form` its dimensions and
+    encoding.
+    """
+
+    name: str
+    publishers: tuple[str, ...]
+    subscribers: tuple[str, ...]
+    reliable: bool
+    mismatches: tuple[str, ...]
+    received: int
+    lost: int
+    rate: float
+    size: int
+    form: str
+
+    @property
+    def exceeds_shared_memory(self) -> bool:
+        """Return whether images are too large for Fast DDS without the profile."""
+        return self.size > SHARED_MEMORY // 2
+
+
+def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list[ImageTopic]:
+    """Listen on every image topic that somebody publishes, for so long; by name."""
+    _spin(executor, _DISCOVERY)
+    listeners = [_Listener(node, name, kind)
+                 for name, kinds in sorted(node.get_topic_names_and_types())
+                 for kind in kinds if kind in _IMAGES and node.count_publishers(name)]
+    _spin(executor, seconds if listeners else 0.0)
+    found = [listener.result() for listener in listeners]
+    for listener in listeners:
+        listener.destroy()
+    return found
+
+
+class _Listener:
+    """A subscription that takes whatever the publishers offer, and counts."""
+
+    def __init__(self, node: Node, topic: str, kind: str) -> None:
+        self._node, self._topic = node, topic
+        self._arrivals: list[float] = []
+        self._lost = self._size = 0
+        self._form = ''
+        offers = node.get_publishers_info_by_topic(topic)
+        self._reliable = all(one.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+                             for one in offers)
+        self._publishers = tuple(sorted({_name(one) for one in offers}))
+        readers = node.get_subscriptions_info_by_topic(topic)
+        self._subscribers = tuple(sorted({_name(one) for one in readers}))
+        self._mismatches = tuple(sorted(
+            f'{_name(reader)} gets nothing from {_name(offer)}: {reason}'
+            for reader in readers for offer in offers
+            if (reason := _mismatch(offer, reader))))
+        policy = (ReliabilityPolicy.RELIABLE if self._reliable else
+                  ReliabilityPolicy.BEST_EFFORT)
+        callback: Any = self._on_image
+        self._subscription = node.create_subscription(
+            MessageTypes()[kind], topic, callback, QoSProfile(depth=_DEPTH, reliability=policy),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost))
+
+    def result(self) -> ImageTopic:
+        """Return what was seen up to now."""
+        times = self._arrivals
+        rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
+        return ImageTopic(
+            self._topic, self._publishers, self._subscribers, self._reliable, self._mismatches,
+            len(times), self._lost, rate, self._size, self._form)
+
+    def destroy(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _on_image(self, message: Any) -> None:
+        self._arrivals.append(time.monotonic())
+        self._size = max(self._size, len(message.data))
+        self._form = (f'{message.width} x {message.height} {message.encoding}'
+                      if hasattr(message, 'encoding') else str(message.format))
+
+    def _on_lost(self, event: Any) -> None:
+        self._lost += int(event.total_count_change)
+
+
+def _spin(executor: SingleThreadedExecutor, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        executor.spin_once(timeout_sec=left)
+
+
+def _name(one: Any) -> str:
+    return f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+
+
+def _mismatch(offer: Any, reader: Any) -> str:
+    if offer.topic_type != reader.topic_type:
+        return f'it sends {offer.topic_type}, not {reader.topic_type}'
+    compatibility, reason = qos_check_compatible(offer.qos_profile, reader.qos_profile)
+    return str(reason) if compatibility == QoSCompatibility.ERROR else ''
