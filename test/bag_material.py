@@ -1,4 +1,4 @@
-"""A short bag for tests of what is done with it."""
+"""Bags for tests of what is done with them."""
 
 from pathlib import Path
 
@@ -11,4 +11,21 @@ def write_short_bag(path: Path, repository: Path, frames: int = 10) -> Path:
         for _, image in zip(range(frames), bag.frames()):
             writer.write_frame(image.frame, image.stamp, frame_id=image.frame_id)
             writer.write_truth(truth[image.stamp], image.stamp)
+    return path
+
+
+def write_slow_bag(path: Path, frames: int = 300, pace: float = 1 / 8) -> Path:
+    """Write a bag whose target hardly moves, or rests: it's kept though frames are missed."""
+    from node_harness import Scene, STEP
+    import numpy as np
+
+    from vtrack_ros.bags import BagWriter
+    scene = Scene()
+    rng = np.random.default_rng(0)
+    with BagWriter(path) as writer:
+        for index in range(frames):
+            noise = rng.integers(0, 5, (scene.height, scene.width, 3), np.uint8)
+            stamp, place = 10**10 + STEP * index, int(pace * index)
+            writer.write_frame(scene.frame(place) + noise, stamp)
+            writer.write_truth(scene.box(place), stamp)
     return path
