@@ -1,16 +1,20 @@
 """The demo: three processes on a real bag, every frame accounted for."""
 
+import asyncio
+import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
 
+import aiohttp
 from bag_material import write_short_bag
 import cv2
 import numpy as np
 import pytest
 
+from vtrack_ros.demo.camera_source import images, NoImagesError
 from vtrack_ros.demo.demonstration import main, summarise
 from vtrack_ros.evaluation.stream_score import figures_table
 from vtrack_ros.geometry import Box
@@ -145,3 +149,46 @@ def test_summary_without_truth():
     assert [figures[key] for key in ('mean_iou', 'centre_error_px', 'wrong_tracking')] == [
         None, None, None]
     assert 'no truth' in figures_table(figures)
+
+
+def test_camera(repository, tmp_path):
+    """Where there is no camera a scene is shown; the page has its pictures; Ctrl-C ends all."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'vtrack_ros.demo', '--camera', '999', '--no-browser', '--out',
+         str(tmp_path)], cwd=repository, env=dict(os.environ), stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    try:
+        assert 'no camera 999' in process.stdout.readline()
+        address = process.stdout.readline().split()[-1]
+
+        async def picture():
+            async with aiohttp.ClientSession() as session, session.ws_connect(
+                    f'{address}ws') as socket:
+                while (await socket.receive(60)).type is not aiohttp.WSMsgType.BINARY:
+                    pass
+        asyncio.run(picture())
+        os.killpg(process.pid, signal.SIGINT)
+        output = process.communicate(timeout=60)[0]
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 0 and 'Traceback' not in output, output
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
+
+
+def test_video_as_camera(tmp_path):
+    """A video's images come again and again; what is no video says so."""
+    frames = [np.full((48, 64, 3), shade, np.uint8) for shade in (40, 200)]
+    writer = cv2.VideoWriter(str(tmp_path / 'video.avi'), cv2.VideoWriter_fourcc(*'MJPG'), 90,
+                             (64, 48))
+    for frame in frames:
+        writer.write(frame)
+    writer.release()
+    seen = [round(float(image.mean()), -1) for image in itertools.islice(
+        images(str(tmp_path / 'video.avi')), 5)]
+    assert seen == [40, 200, 40, 200, 40]
+    (tmp_path / 'text.avi').write_text('none')
+    for name in ('text.avi', 'nowhere.avi'):
+        with pytest.raises(NoImagesError, match=name):
+            next(images(str(tmp_path / name)))

@@ -47,6 +47,11 @@ def parser() -> argparse.ArgumentParser:
                         help='of the random numbers (default: %(default)s)')
     result.add_argument('--init-box', type=box, metavar='X,Y,WIDTH,HEIGHT',
                         help="the target on the first frame, in pixels (default: the bag's truth)")
+    result.add_argument('--camera', nargs='?', const='0', metavar='N|VIDEO',
+                        help='instead: track what a webcam (its number) or a video file shows, '
+                        'and choose the target in the browser; a scene where there is no camera')
+    result.add_argument('--no-browser', action='store_true',
+                        help='with --camera: print the address alone')
     result.add_argument('--json', type=Path, metavar='FILE', help='write the figures here as well')
     result.add_argument('--out', type=Path, default=Path('demo-output'), metavar='DIR',
                         help='where the pictures go (default: %(default)s)')
@@ -60,14 +65,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with nullcontext() if 'ROS_DOMAIN_ID' in os.environ else reserve_domain():
         # Fast DDS reads it when ROS is imported.
         os.environ.update(with_profile(os.environ))
+        from vtrack_ros.demo.camera_source import NoImagesError
         from vtrack_ros.demo.processes import DemoError
         try:
-            return _demonstrate(options)
-        except (BagError, DemoError) as error:
+            return _demonstrate(options) if options.camera is None else _show_camera(options)
+        except (BagError, DemoError, NoImagesError) as error:
             print(f'demo: {error}', file=sys.stderr)
             return 2
         except OSError as error:
             return complain('demo', in_words(error))
+
+
+def _show_camera(options: argparse.Namespace) -> int:
+    from vtrack_ros.demo.live_demonstration import run_live
+    options.out.mkdir(parents=True, exist_ok=True)
+    run_live(options.camera, ['-p', f'tracker:={options.tracker}', '-p', f'seed:={options.seed}'],
+             options.out, show=not options.no_browser)
+    return 0
 
 
 def _demonstrate(options: argparse.Namespace) -> int:

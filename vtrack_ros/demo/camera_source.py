@@ -1,0 +1,79 @@
+"""`python -m vtrack_ros.demo.camera_source SOURCE`: a webcam's or a video's images on a topic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+import sys
+import time
+
+import cv2
+
+from vtrack_ros.frame import Frame
+
+#: The rate of a video that doesn't tell its own, in Hz.
+_USUAL_RATE = 30.0
+
+
+class NoImagesError(RuntimeError):
+    """A camera that can't be opened, or a file that is no video; the message says which."""
+
+
+def opened(source: str) -> cv2.VideoCapture:
+    """Open a camera by its number, or a video file; NoImagesError where no image comes."""
+    if source.isdecimal():
+        # OpenCV would complain at length.
+        if sys.platform == 'linux' and not Path(f'/dev/video{source}').exists():
+            raise NoImagesError(f'there is no camera {source} (/dev/video{source})')
+        capture = cv2.VideoCapture(int(source))
+        fault = f'camera {source} sends no image; does another program have it?'
+    elif not Path(source).is_file():
+        raise NoImagesError(f'{source} does not exist')
+    else:
+        capture, fault = cv2.VideoCapture(source), f'{source} is no video that OpenCV can read'
+    if not (capture.isOpened() and capture.grab()):
+        capture.release()
+        raise NoImagesError(fault)
+    return capture
+
+
+def images(source: str) -> Iterator[Frame]:
+    """Return a camera's images as they come, or a video's at its own rate, again and again."""
+    while True:
+        capture = opened(source)
+        rate = capture.get(cv2.CAP_PROP_FPS) or _USUAL_RATE
+        if not source.isdecimal():
+            capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
+        due = time.monotonic()
+        while (found := capture.read())[0]:
+            yield found[1]
+            due += 1 / rate
+            if not source.isdecimal():
+                time.sleep(max(0.0, due - time.monotonic()))
+        capture.release()
+
+
+def main(source: str) -> int:
+    """Publish on `image` until Ctrl-C."""
+    import rclpy
+    from rclpy.qos import qos_profile_sensor_data
+    from sensor_msgs.msg import Image
+
+    from vtrack_ros.messages.images import fill_image
+    rclpy.init()
+    node = rclpy.create_node('camera')
+    publisher = node.create_publisher(Image, 'image', qos_profile_sensor_data)
+    message = Image()
+    message.header.frame_id = 'camera'
+    for frame in images(source):
+        fill_image(message, frame)
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
+    return 0
+
+
+if __name__ == '__main__':
+    try:
+        sys.exit(main(sys.argv[1]))
+    except KeyboardInterrupt:
+        sys.exit(0)

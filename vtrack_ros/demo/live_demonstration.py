@@ -1,0 +1,60 @@
+"""The demo with a camera: its images, the node and the page, each in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+import time
+import webbrowser
+
+from vtrack_ros.demo.camera_source import NoImagesError, opened
+from vtrack_ros.demo.processes import Child, PATIENCE
+
+#: What is shown where there is no camera.
+_SCENE = Path(__file__).resolve().parents[2] / 'bags' / 'leave_and_return'
+
+
+def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) -> None:
+    """
+    Track what a camera or a video shows until Ctrl-C; a scene where there is no such camera.
+
+    Takes a camera's number or a video file, the node's ROS arguments, and a folder for the
+    processes' logs; with `show` the page is opened in a browser. NoImagesError where a file can't
+    be read, DemoError if a process fails.
+    """
+    try:
+        opened(source).release()
+        images: tuple[str, ...] = ('vtrack_ros.demo.camera_source', source)
+    except NoImagesError as error:
+        if not source.isdecimal():
+            raise
+        print(f'{error}: a scene is shown instead ({_SCENE.name})', flush=True)
+        images = ('vtrack_ros.cli.command_line', 'play', str(_SCENE), '--loop')
+        node = [*node, '-p', 'image_transport:=compressed']
+    children = [Child('node', folder / 'node.log', 'vtrack_ros.ros.main', '--ros-args', *node)]
+    try:
+        children.append(Child('player' if len(images) > 2 else 'camera', folder / 'camera.log',
+                              *images))
+        page = Child('page', folder / 'page.log', 'vtrack_ros.cli.command_line', 'select',
+                     '--port', '0')
+        children.append(page)
+        deadline = time.monotonic() + PATIENCE
+        while not page.said.startswith('http'):
+            page.check()
+            if time.monotonic() > deadline:
+                raise page.failure('was not served')
+            time.sleep(0.05)
+        address = page.said.split()[0]
+        print(f'drag a box about the target, or click on it: {address}\nCtrl-C ends it',
+              flush=True)
+        if show:
+            webbrowser.open(address)
+        while True:
+            for child in children:
+                child.check()
+            time.sleep(0.2)
+    except KeyboardInterrupt:
+        print()
+    finally:
+        for child in children:
+            child.kill()
