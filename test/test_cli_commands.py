@@ -17,7 +17,7 @@ from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.cli.progress import ProgressBar  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
 
-COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate', 'doctor', 'select')
+COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate', 'doctor', 'layout', 'select')
 
 
 def complaint(arguments, capsys):

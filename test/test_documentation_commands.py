@@ -39,7 +39,7 @@ def commands(page: Path) -> Iterator[list[str]]:
     programs = '|'.join(map(re.escape, (*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3')))
     for line in lines(page):
         if re.match(rf'([A-Z_]+=\S+ )*(({programs}) |(\./)?scripts/|\.venv/bin/)', line):
-            words = shlex.split(line, comments=True)
+            words = shlex.split(line.partition(' > ')[0], comments=True)
             while '=' in words[0]:
                 del words[0]
             text = ' '.join(map(shlex.quote, words)).replace("'&&'", '\n').replace("'&'", '\n')

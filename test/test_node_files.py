@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 from node_harness import Client, NodeProcess
 import pytest
 from sensor_msgs.msg import CompressedImage
+from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import profile_path, receiving_profile, VARIABLES, with_profile
 from vtrack_ros.ros.parameter_files import files
 from vtrack_ros.ros.parameter_node import INIT_BOX, NODE_PARAMETERS, parameter_table
@@ -284,3 +285,19 @@ def test_profile_is_found_and_not_forced_on_anybody():
     sizes = [int(re.search(r'<segment_size>(\d+)', open(file).read()).group(1))
              for file in (path, lighter)]
     assert sizes[1] < sizes[0]
+
+
+@pytest.mark.parametrize('program', ['rviz', 'foxglove'])
+def test_layouts_of_a_namespace(repository, capsys, program):
+    """Every topic is the node's; the one of all nodes stays."""
+    assert main(['layout', program, 'arm/left']) == 0
+    printed = capsys.readouterr().out
+    layout = json.loads(printed) if program == 'foxglove' else yaml.safe_load(printed)
+    text = json.dumps(layout)
+    wanted = {'rviz': {'/arm/left/debug_image', '/arm/pose_with_covariance'},
+              'foxglove': {'/arm/left/debug_image', '/arm/left/state', '/arm/pose',
+                           '/arm/detections', '/diagnostics'}}
+    assert set(re.findall(r'"(/[a-z_/]+)', text)) == wanted[program]
+    assert main(['layout', program]) == 0
+    name = {'rviz': 'vtrack.rviz', 'foxglove': 'vtrack.foxglove.json'}[program]
+    assert capsys.readouterr().out == (repository / 'config' / name).read_text()

@@ -3,6 +3,7 @@
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 import math
+import re
 from typing import TypeVar
 
 from vtrack_ros.geometry import Box
@@ -50,3 +51,10 @@ def box(text: str) -> Box:
         return Box(x, y, width, height)
     except ValueError as error:
         raise ArgumentTypeError(f'{text!r}: {error}') from None
+
+
+def node_name(text: str) -> str:
+    """Read the name of a node, and return it with its namespace."""
+    if not re.fullmatch(r'(/?[A-Za-z_]\w*)+', text):
+        raise ArgumentTypeError(f'must be the name of a node, such as /tracker, not {text!r}')
+    return text if text.startswith('/') else f'/{text}'

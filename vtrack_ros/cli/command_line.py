@@ -25,6 +25,7 @@ _COMMANDS = {
     'replay': 'run a tracker over a bag, without a node',
     'evaluate': 'compare trackers on bags and image folders with truth',
     'doctor': 'say what is installed, what arrives, and what to do where something is wrong',
+    'layout': 'print a layout of RViz or Foxglove for a node',
     'select': 'point out the target in the browser, and watch it being tracked',
 }
 

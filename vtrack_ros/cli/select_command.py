@@ -2,9 +2,9 @@
 
 import argparse
 import asyncio
-import re
 import secrets
 
+from vtrack_ros.cli.arguments import node_name
 from vtrack_ros.cli.load_ros import load_rclpy
 
 EXAMPLES = """examples:
@@ -18,7 +18,7 @@ than this machine may open it, if they know the token in the address. Ctrl-C end
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument('node', nargs='?', type=_name, default='/tracker', metavar='NODE',
+    parser.add_argument('node', nargs='?', type=node_name, default='/tracker', metavar='NODE',
                         help='the tracking node (default: %(default)s)')
     parser.add_argument('--host', metavar='ADDRESS', help='serve on this address, with a token '
                         '(default: for this machine alone, without)')
@@ -33,13 +33,6 @@ def run(arguments: argparse.Namespace) -> int:
     token = '' if arguments.host is None else secrets.token_urlsafe(16)
     asyncio.run(serve(arguments.node, arguments.host or '127.0.0.1', arguments.port, token))
     return 0
-
-
-def _name(text: str) -> str:
-    if not re.fullmatch(r'(/?[A-Za-z_]\w*)+', text):
-        raise argparse.ArgumentTypeError(
-            f'must be the name of a node, such as /tracker, not {text!r}')
-    return text if text.startswith('/') else f'/{text}'
 
 
 def _port(text: str) -> int:
