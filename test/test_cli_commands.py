@@ -45,6 +45,19 @@ def test_help(capsys):
         assert f'  vtrack {name} ' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize('line, words', [
+    ('vtrack re', {'replay'}), ('vtrack synth --f', {'--frames', '--format'})])
+def test_completion(tmp_path, line, words):
+    """A shell with argcomplete is told commands and options."""
+    pytest.importorskip('argcomplete', reason='needs argcomplete')
+    subprocess.run(
+        [sys.executable, '-m', 'vtrack_ros.cli.command_line'], check=True, env={
+            **os.environ, '_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', 'COMP_LINE': line,
+            'COMP_POINT': str(len(line)), '_ARGCOMPLETE_STDOUT_FILENAME': str(tmp_path / 'said')})
+    said = (tmp_path / 'said').read_text()
+    assert set(map(str.strip, said.split('\n'))) == words
+
+
 def test_help_needs_no_heavy_import():
     """The overview comes without NumPy, OpenCV or rosbags."""
     code = ('import sys; from vtrack_ros.cli.command_line import main; main(["--help"]); '

@@ -47,6 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Ctrl-C.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    if '_ARGCOMPLETE' in os.environ:
+        _complete(os.environ.get('COMP_LINE', ''))
     try:
         code = _run(words)
         sys.stdout.flush()
@@ -108,6 +110,12 @@ def command_parser(called: str) -> Parser:
             command.epilog = module.EXAMPLES
             command.set_defaults(run=module.run)
     return parser
+
+
+def _complete(line: str) -> None:
+    """Tell a shell how the line may go on, and end; see the package argcomplete."""
+    import argcomplete
+    argcomplete.autocomplete(command_parser(''.join(line.split()[1:2])))
 
 
 def negative_values(words: Sequence[str]) -> list[str]:
