@@ -344,3 +344,23 @@ def test_inputs_from_descriptors():
     for kind, value in (('int', True), ('int', '3'), ('int', 2**63), ('bool', 1), ('list', [])):
         with pytest.raises(ValueError, match='no value of kind'):
             parameter_value(kind, value)
+
+
+def test_particles(address, truth):
+    """They come when they're asked for, and about the box."""
+    async def run():
+        async with viewer(address) as seen:
+            picture = await fresh(seen)
+            assert 'particles' not in picture
+            await seen.ask(do='particles', on=True)
+            box = truth[int(picture['stamp'])]
+            await seen.ask(do='box', stamp=picture['stamp'], x=box.x, y=box.y, width=box.width,
+                           height=box.height)
+            picture = await seen.until(lambda one: one.get('particles') and 'box' in one)
+            assert len(picture['particles']) == 150
+            assert Box(*picture['box']).center == pytest.approx(
+                np.mean(picture['particles'], 0), abs=box.width)
+            await seen.ask(do='particles', on=False)
+            await seen.until(lambda one: 'particles' not in one)
+            await seen.ask(do='reset')
+    asyncio.run(run())

@@ -51,6 +51,10 @@ def test_in_a_browser(tmp_path):
             await page.until("header.box && $('state').textContent == 'tracking'")
             assert Box(*await page.value('header.box')).iou(box) > 0.4
             await page.until('header.trail.length > 5')
+            await page.value("$('particles').click()")
+            await page.until('header.particles')
+            await page.until("['confidences', 'speeds'].every("
+                             "name => $(name).getAttribute('d').split('L').length > 3)")
             await page.screenshot(tmp_path / 'page.png')
             assert cv2.imread(str(tmp_path / 'page.png')).shape[2] == 3
     # Slowly: it must not begin again, with no target, in mid-test.

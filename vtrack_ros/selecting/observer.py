@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseArray
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
@@ -29,7 +30,8 @@ class Observer:
     """
     Listens to one tracking node, whose topics are those that the graph says it has.
 
-    Images are only received while `watched`. All of it runs in the executor's thread; `changed` is
+    Images are only received while `watched`, and particles if they're `wanted` besides: the node
+    makes none that nobody asks for. All of it runs in the executor's thread; `changed` is
     called there when there's something new to show, `said` with each warning that the node logs.
     """
 
@@ -45,7 +47,8 @@ class Observer:
         self._state: dict[str, str] = {}
         self._inputs: dict[str, Input] = {}
         self._image: Input | None = None
-        self.watched = False
+        self._particles: Any = None
+        self.watched = self.wanted = False
         self._inputs['state'] = Input(node, DiagnosticStatus, f'{target}/state', self._on_state)
         self._rosout = node.create_subscription(Log, '/rosout', self._on_log, 10)
         self._timer = node.create_timer(0.5, self.look)
@@ -69,6 +72,13 @@ class Observer:
             self._inputs.pop('image').destroy()
             self._image = None
             self._images.clear()
+        wanted = self.watched and self.wanted
+        if wanted and 'particles' not in self._inputs:
+            self._inputs['particles'] = Input(
+                self._node, PoseArray, f'{self._target}/particles', self._on_particles)
+        elif not wanted and 'particles' in self._inputs:
+            self._inputs.pop('particles').destroy()
+            self._particles = None
         for one in self._inputs.values():
             one.check()
 
@@ -89,6 +99,9 @@ class Observer:
         stamp = stamp_nanoseconds(message.header.stamp)
         if answer and 0 <= stamp - stamp_nanoseconds(answer.header.stamp) < _RECENT:
             shown |= _of_detection(answer)
+            if self._particles is not None:
+                shown['particles'] = [[round(one.position.x, 1), round(one.position.y, 1)]
+                                      for one in self._particles.poses]
         shown['stamp'] = str(stamp)
         return message, shown
 
@@ -124,6 +137,9 @@ class Observer:
             center = one.bbox.center.position
             self._trail.append((round(center.x, 1), round(center.y, 1)))
         self._changed()
+
+    def _on_particles(self, message: Any) -> None:
+        self._particles = message
 
     def _on_state(self, message: Any) -> None:
         values = {row.key: row.value for row in message.values}

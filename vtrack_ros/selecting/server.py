@@ -36,9 +36,9 @@ class Viewer:
     One browser: the next picture goes out when the last one was shown.
 
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
-    `click` (stamp, x, y), `reset`, `reinit`, `enable` (on) or `set` (name, kind, value). It
-    receives, as `kind`: `picture`, with the JPEG's bytes in the message after it, `parameters` and
-    `told`.
+    `click` (stamp, x, y), `reset`, `reinit`, `enable` (on), `particles` (on) or `set` (name, kind,
+    value). It receives, as `kind`: `picture`, with the JPEG's bytes in the message after it,
+    `parameters` and `told`.
     """
 
     def __init__(self, socket: web.WebSocketResponse, link: TrackerLink) -> None:
@@ -116,6 +116,8 @@ class Viewer:
                 *(float(asked[name]) for name in ('x', 'y', 'width', 'height'))))
         elif do == 'click':
             self._link.select_point(_stamp(asked), float(asked['x']), float(asked['y']))
+        elif do == 'particles':
+            self._link.want_particles(bool(asked['on']))
         elif do in ('reset', 'reinit', 'enable'):
             fields = {'data': bool(asked['on'])} if do == 'enable' else {}
             answer = await self._link.ask(do, **fields)

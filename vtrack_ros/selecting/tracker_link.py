@@ -74,6 +74,11 @@ class TrackerLink:
         self._observer.watched = on
         self._executor.create_task(self._observer.look)
 
+    def want_particles(self, on: bool) -> None:
+        """Receive particles with the images, or no longer."""
+        self._observer.wanted = on
+        self._executor.create_task(self._observer.look)
+
     def select_box(self, stamp: int, box: Box) -> None:
         """Point out the target as a box on the image of a stamp [ns]; errors as `ask`."""
         message = Detection2D()

@@ -12,6 +12,9 @@ const LEGIBLE = 1024;
 // The radius of a Gaussian's 90 % ellipse.
 const RADIUS = Math.sqrt(-2 * Math.log(0.1));
 
+// How much the plot shows, in seconds.
+const SHOWN = 60;
+
 let socket, picture = null, header = null, drag = null, paused = false, tracker = '', shownTracker = '';
 
 function ask(request) {
@@ -23,6 +26,7 @@ function connect() {
   address.protocol = address.protocol.replace('http', 'ws');
   socket = new WebSocket(address);
   socket.binaryType = 'blob';
+  socket.onopen = () => { if ($('particles').checked) want(); };
   let next = null;
   socket.onmessage = async event => {
     if (typeof event.data !== 'string') {
@@ -49,6 +53,7 @@ function show(image, message) {
   [picture, header] = [image, message];
   draw();
   tellState(message.state);
+  plot(message);
   ask({do: 'shown'});
 }
 
@@ -69,6 +74,8 @@ function draw() {
   pen.beginPath();
   trail.forEach(([x, y]) => pen.lineTo(x, y));
   pen.stroke();
+  pen.fillStyle = '#00c8ff';
+  for (const [x, y] of header.particles || []) pen.fillRect(x - thin, y - thin, 2 * thin, 2 * thin);
   if (header.box) {
     pen.strokeStyle = COLOURS[header.state.name] || '#fff';
     pen.strokeRect(...header.box);
@@ -101,6 +108,35 @@ function tellState(state) {
   paused = state.name === 'paused';
   $('pause').textContent = paused ? 'Go on' : 'Pause';
   if (tracker !== shownTracker) showOwn();
+}
+
+// Seconds, confidence, speed in pixels a second and centre, null where there's none.
+let past = [];
+
+function plot({stamp, state, box}) {
+  const time = Number(BigInt(stamp) / 1000000n) / 1000, last = past.at(-1);
+  if (last && time <= last.time) {
+    // The same frame, or a stream that begins again.
+    if (time === last.time) return;
+    past = [];
+  }
+  const centre = box ? [box[0] + box[2] / 2, box[1] + box[3] / 2] : null;
+  const speed = centre && last && last.centre ?
+    Math.hypot(centre[0] - last.centre[0], centre[1] - last.centre[1]) / (time - last.time) : null;
+  past.push({time, centre, speed, confidence: box && state.confidence ? Number(state.confidence) : null});
+  past = past.filter(one => one.time > time - SHOWN);
+  const fastest = Math.max(1, ...past.map(one => one.speed || 0));
+  $('fastest').textContent = Math.round(fastest);
+  const line = value => {
+    let broken = true;
+    return past.map(one => {
+      const y = value(one), move = broken;
+      broken = y === null;
+      return broken ? '' : `${move ? 'M' : 'L'}${(one.time - time).toFixed(2)},${(19.5 - 19 * y).toFixed(2)}`;
+    }).join('');
+  };
+  $('confidences').setAttribute('d', line(one => one.confidence));
+  $('speeds').setAttribute('d', line(one => one.speed === null ? null : one.speed / fastest));
 }
 
 function tell(text, wrong) {
@@ -218,5 +254,7 @@ function input(row) {
   return label;
 }
 
+const want = () => ask({do: 'particles', on: $('particles').checked});
+$('particles').onchange = want;
 $('parameters').onsubmit = event => event.preventDefault();
 connect();
