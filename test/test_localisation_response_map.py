@@ -27,7 +27,7 @@ def place(x, y):
 def response(values):
     """Return the map of some values; what the window shows plays no part."""
     nothing = np.zeros((1, 1), np.uint8)
-    window = SearchWindow(WindowLayout(ROWS, COLUMNS, (2.0, 2.0)), CENTER, (40.0, 40.0), CELL,
+    window = SearchWindow(CENTER, CELL, WindowLayout(ROWS, COLUMNS, (2.0, 2.0)), (40.0, 40.0),
                           nothing, nothing.astype(np.intp), np.zeros((1, 1, 1), np.complex64))
     return ResponseMap(window, values)
 

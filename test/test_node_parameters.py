@@ -6,6 +6,7 @@ from node_harness import Client, NodeProcess, overlap, Scene
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
+from siamese_files import network_files
 
 from vtrack_ros.ros.parameter_node import parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
@@ -153,6 +154,19 @@ def test_another_tracker_keeps_the_target(talk):
         box = scene.box(start + 1)
         assert client.change(init_box=[box.x, box.y, box.width, box.height])[0].successful
         assert tracks_on(talk, 1)
+
+
+def test_another_localiser_keeps_the_target(talk):
+    """A network takes over at once; without its files, or with a wrong one, nothing changes."""
+    _, client = talk
+    refused = client.change(gmpf__localiser='siamese', gmpf__siamese__head='/nowhere.onnx')
+    assert not any(result.successful for result in refused)
+    assert 'siamese.backbone' in refused[0].reason and 'is no file' in refused[1].reason
+    files = {f'gmpf__{name}'.replace('.', '__'): path for name, path in network_files().items()}
+    assert client.set_atomically(gmpf__localiser='siamese', **files).successful
+    assert tracks_on(talk, 2)
+    assert client.change(gmpf__localiser='dcf')[0].successful
+    assert tracks_on(talk, 2)
 
 
 def test_init_box_takes_integers_floats_and_nothing(talk):

@@ -10,6 +10,7 @@ import cv2
 from drawn_video import box_at, DrawnVideo, SIZE, START, straight
 import numpy as np
 import pytest
+from siamese_files import network_files, write_backbone, write_head
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState
@@ -283,11 +284,24 @@ def usual_outcomes(name):
     return list(outcomes(name))
 
 
+def differ_by_networks(name, parameter, folder):
+    """Tell whether some estimate differs with another network's file, or without a network."""
+    chosen = {'localiser': 'siamese', **network_files()}
+    other = {'localiser': lambda: 'dcf',
+             'siamese.backbone': lambda: write_backbone(folder / 'backbone.onnx', gain=2.0),
+             'siamese.head': lambda: write_head(folder / 'head.onnx', gain=2.0)}[parameter]()
+    return any(not np.array_equal(one, usual) for one, usual in zip(
+        outcomes(name, **{**chosen, parameter: other}), outcomes(name, **chosen)))
+
+
 @pytest.mark.parametrize('name, parameter', [
     (name, parameter) for name in NAMES for parameter in tracker_class(name).PARAMETERS])
-def test_every_parameter_has_an_effect(name, parameter):
+def test_every_parameter_has_an_effect(name, parameter, tmp_path):
     """At one end of its range, or with another choice, some number of some estimate differs."""
     row = tracker_class(name).PARAMETERS[parameter]
+    if parameter in ('localiser', *network_files()):
+        assert differ_by_networks(name, parameter, tmp_path)
+        return
     values = row.choices or ((False, True) if row.kind is bool else (row.low, row.high))
     if parameter == 'particles':
         values = (row.low, 2 * row.default)

@@ -3,6 +3,7 @@
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
+from siamese_files import network_files
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState
@@ -71,6 +72,8 @@ def parameters(draw, name):
         elif row.kind is int:
             most = min(row.high, PARTICLES) if 'particles' in row.name else row.high
             values[row.name] = draw(st.integers(row.low, max(row.low, most)))
+    if 'localiser' in values:
+        values.update(network_files())
     return values
 
 

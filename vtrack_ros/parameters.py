@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -19,6 +19,7 @@ class Parameter:
     Its type is the default's, its description a sentence for a person. A number has a closed range
     and a unit such as ``px``, empty where it has none; `choices` are the valid values, empty where
     any of the type and in the range will do. A dynamic one may change while the tracker runs.
+    `check` raises a ValueError at a value of that type and range that still won't do.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Parameter:
     unit: str = ''
     choices: tuple[str, ...] | tuple[int, ...] = ()
     dynamic: bool = True
+    check: Callable[[Any], object] | None = None
 
     @property
     def kind(self) -> type[Value]:
@@ -51,7 +53,7 @@ class Parameter:
         Return `value` in the parameter's type.
 
         TypeError if it's of another type (an integer is taken for a float); ValueError if it's
-        outside the range, not finite, or not among the choices.
+        outside the range, not finite, not among the choices, or `check` says so.
         """
         kind = self.kind
         if kind is bool or isinstance(value, bool):
@@ -72,6 +74,11 @@ class Parameter:
             above = self.high is not None and result > self.high
             if below or above or not math.isfinite(result):
                 raise ValueError(f'{self.name} must be {self.valid}, not {value!r}')
+        if self.check is not None:
+            try:
+                self.check(result)
+            except ValueError as error:
+                raise ValueError(f'{self.name}: {error}') from None
         return result
 
     def parsed(self, text: str) -> Value:

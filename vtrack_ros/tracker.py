@@ -87,11 +87,10 @@ class Tracker(ABC):
 
     def __init__(
             self, seed: int | np.random.Generator | None = None, **parameters: Any) -> None:
-        checked = self.PARAMETERS.checked(parameters, self.NAME)
-        self._parameters: dict[str, Value] = {**self.PARAMETERS.defaults(), **checked}
+        self._parameters: dict[str, Value] = self.PARAMETERS.defaults()
         self._rng = np.random.default_rng(seed)
         self._frame_shape: tuple[int, ...] | None = None
-        self._configure()
+        self.configure(**parameters)
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -108,7 +107,9 @@ class Tracker(ABC):
             If a change is wrong; then none is made.
 
         """
-        self._parameters.update(self.PARAMETERS.checked(changes, self.NAME))
+        values = {**self._parameters, **self.PARAMETERS.checked(changes, self.NAME)}
+        self._prepare(values)
+        self._parameters = values
         self._configure()
 
     def start(self, frame: Frame, box: Box) -> Estimate:
@@ -164,6 +165,9 @@ class Tracker(ABC):
         if not (math.isfinite(dt) and dt > 0):
             raise ValueError(f'dt must be a positive number of frame intervals, not {dt!r}')
         return self._update(frame, float(dt))
+
+    def _prepare(self, values: dict[str, Value]) -> None:
+        """Raise a ValueError at valid parameters that together won't do; nothing changes then."""
 
     @abstractmethod
     def _configure(self) -> None:

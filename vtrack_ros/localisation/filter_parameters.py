@@ -1,7 +1,18 @@
 """The parameters that a paper's filter has in common with its replica."""
 
+from vtrack_ros.appearance.siamese_network import check_backbone, check_head
 from vtrack_ros.parameters import Parameter, ParameterTable
 
+#: Of every filter on top of a localiser.
+LOCALISER = ParameterTable([
+    Parameter('localiser', 'dcf', 'What answers where the target is: correlation filters that '
+              'learn it, or a Siamese network, whose two files are needed (docs/localisers.md); '
+              'changing it keeps the target.', choices=('dcf', 'siamese')),
+    Parameter('siamese.backbone', '', "ONNX file of the network's backbone, with the inputs and "
+              'outputs of NanoTrack V2; empty: none.', check=check_backbone),
+    Parameter('siamese.head', '', "ONNX file of the network's head, likewise; empty: none.",
+              check=check_head),
+])
 #: Of a particle filter over boxes.
 MOTION = ParameterTable([
     Parameter('particles', 150, 'Number of particles.', 2, 5000),

@@ -71,7 +71,8 @@ class GuidedSearch:
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
         if maps[0].peak < _LOW * target.usual_response or dt > _LONG:
-            maps += [target.localise(frame, place) for place in self._others(frame, expected)]
+            others = self._others(frame, expected)[:target.more_windows]
+            maps += [target.localise(frame, place) for place in others]
         return self._chosen(maps, dt)
 
     def follow(self, dt: float, elsewhere: bool) -> None:

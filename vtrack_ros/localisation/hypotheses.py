@@ -1,13 +1,19 @@
 """Two models of one target, side by side, and which of them is believed."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
+from vtrack_ros.appearance.siamese_network import (
+    EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.search_window import inside, ResponseMap
+from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser
 from vtrack_ros.tracker import Estimate
 
 #: Weight of the latest frame in the running mean of a model's similarity.
@@ -26,6 +32,23 @@ _LEVEL = 0.8
 _LEAST = 0.01
 
 
+@dataclass(frozen=True)
+class FirstFrame:
+    """The part of the first frame that a target is learned from; its place there, in pixels."""
+
+    frame: Frame
+    center: Point
+    size: Point
+
+    @classmethod
+    def of(cls, frame: Frame, center: Point, size: Point) -> FirstFrame:
+        """Copy as much of a frame as is looked at."""
+        half = SEARCHED / EXEMPLAR * exemplar_side(size) / 2 + 2
+        left, top = (max(0, int(place - half)) for place in center)
+        right, bottom = (int(place + half) + 1 for place in center)
+        return cls(frame[top:bottom, left:right].copy(), (center[0] - left, center[1] - top), size)
+
+
 class Hypotheses:
     """
     Localises a target with two models, and believes the one that is more like its first frame.
@@ -37,18 +60,48 @@ class Hypotheses:
     running means of how similar each one's place is to its own initial template. Whoever is wrong
     for long starts again at the leader's place, with what it knew when they last agreed.
 
+    A network, where one is given, is the only hypothesis: it doesn't learn what's wrong.
+
     It's asked, and told, like a `Localiser`; the leader answers.
     """
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
-                 searches: int = 2) -> None:
-        self._leader = Localiser(frame, center, size, rng, searches)
-        self._other = Localiser(frame, center, size, rng, searches, confined=True)
+                 network: SiameseNetwork | None = None) -> None:
+        self._first = FirstFrame.of(frame, center, size)
+        self._rng = rng
+        self._begin(frame, center, size, network)
+
+    def use(self, network: SiameseNetwork | None) -> None:
+        """Localise the same target, where it is, by a network, or None: by correlation filters."""
+        before, first = self._leader, self._first
+        self._begin(first.frame, first.center, first.size, network)
+        for each in self._similarities:
+            if before.uncertain:
+                # what's usual can't be learned from the next frame: the target may not be in it
+                each.update(first.frame, each.localise(first.frame, first.center), first.center, 1)
+            each.resume(each.snapshot, before)
+        self._latest = before.center
+
+    def _begin(self, frame: Frame, center: Point, size: Point,
+               network: SiameseNetwork | None) -> None:
+        """Learn the target from its first frame."""
+        self.network = network
+        """What localises the target, if it isn't correlation filters."""
+        if network is None:
+            self._leader = Localiser(frame, center, size, self._rng)
+            self._other = Localiser(frame, center, size, self._rng, confined=True)
+        else:
+            self._leader = self._other = SiameseLocaliser(frame, center, size, self._rng, network)
         self._similarities = {self._leader: 1.0, self._other: 1.0}
         self._agreed = {each: each.snapshot for each in self._similarities}
         self._frames = self._apart = 0
         #: The leader's place, and the time since, when the other one was updated last.
         self._latest, self._waiting = center, 0.0
+
+    @property
+    def more_windows(self) -> int:
+        """Return how many windows may be searched in a frame beside the first one."""
+        return self._leader.MORE_WINDOWS
 
     @property
     def center(self) -> Point:
@@ -91,6 +144,8 @@ class Hypotheses:
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
         elsewhere = self._leader.update(frame, response, center, dt)
+        if self.network is not None:
+            return elsewhere
         self._frames += 1
         self._waiting += dt
         if self._waiting < _PAUSE and not self._questionable():
@@ -104,7 +159,7 @@ class Hypotheses:
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
         x, y = np.subtract(center, self.center).tolist()
-        for each in (self._leader, self._other):
+        for each in self._similarities:
             each.move_to((each.center[0] + x, each.center[1] + y))
         self._latest = self._latest[0] + x, self._latest[1] + y
 

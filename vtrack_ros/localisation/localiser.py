@@ -3,6 +3,7 @@
 from copy import copy
 from dataclasses import replace
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.localisation.search_window import (
-    COARSE, FINE, inside, ResponseMap, WindowLayout)
+    COARSE, FINE, inside, ResponseMap, SearchWindow, WindowLayout)
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
 
@@ -24,7 +25,8 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
-_SMALLEST, _LARGEST = 0.2, 5.0
+#: The least and the largest factor of the first size.
+SMALLEST, LARGEST = 0.2, 5.0
 #: Weight of the latest step in the velocity.
 _VELOCITY_RATE = 0.3
 
@@ -37,6 +39,9 @@ class Localiser:
     the places that re-detection searches, `searches` in each frame after a failure. A `confined`
     one's filter sees the target alone, in a finer window.
     """
+
+    #: So many windows, beside the first one, may be searched in a frame.
+    MORE_WINDOWS: ClassVar[int] = 12
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
                  searches: int = 2, confined: bool = False) -> None:
@@ -153,12 +158,14 @@ class Localiser:
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
         """Return the target updated at a place; verify it there, if it's time for that."""
-        if not is_centred(response.window.shift(center)):
+        live, window = self._live, response.window
+        model, size = live.model, live.size
+        if not (isinstance(window, SearchWindow) and is_centred(window.shift(center))):
             # the taper distorts what is near the border, and some of the target may be beyond it
-            response = self.localise(frame, center)
+            window = model.layout.window(frame, center, size)
+            response = ResponseMap(window, model.response(window))
             center = inside(response.local_maximum(center), frame)
-        window, live = response.window, self._live
-        model, size, shift = live.model, live.size, window.shift(center)
+        shift = window.shift(center)
         self._frames += 1
         if self._frames % _SCALE_EVERY == 0 or self._growing:
             growth = model.growth(window, shift)
@@ -167,17 +174,23 @@ class Localiser:
             model = model.with_scale(window, shift, growth)
         if self._frames % _COLOURS_EVERY == 1:
             model = model.with_colours(window, shift)
-        questionable = (self.uncertain or self._similarity < ALWAYS_GOOD
-                        or response.peak < _QUESTIONABLE_RESPONSE * live.usual_response)
-        if self._frames % _VERIFIED_EVERY == 0 or questionable:
-            self._similarity = self._template.similarity(window, shift)
+        self._verify(window, center, response)
         return TargetSnapshot(model.updated(window, shift), center, size,
                               live.usual_response, live.usual_similarity)
+
+    def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:
+        """Ask the initial template about a place, in pixels, if it's time for it."""
+        live = self._live
+        questionable = (self._frames == 1 or self.uncertain or self._similarity < ALWAYS_GOOD
+                        or response.peak < _QUESTIONABLE_RESPONSE * live.usual_response)
+        if self._frames % _VERIFIED_EVERY == 0 or questionable:
+            self._similarity = live.model.credibility(
+                self._template.similarity(window, window.shift(center)), response, center)
 
     def _bounded(self, size: Point) -> Point:
         """Bound a size, of the first one's aspect: who is out of sight may not drift far."""
         width, height = self._first_size
-        factor = min(max(size[0] / width, _SMALLEST), _LARGEST)
+        factor = min(max(size[0] / width, SMALLEST), LARGEST)
         if self._failure is not None:
             least, largest = self._failure.bounds(width)
             factor = min(max(factor, least), largest)

@@ -111,7 +111,8 @@ class Redetection:
             if not away.any():
                 continue
             window = snapshot.model.layout.window(frame, center, snapshot.size)
-            similarity = self._template.similarity(window)
+            similarity = snapshot.model.credibility(
+                self._template.similarity(window), response, center)
             if similarity > highest:
                 best, highest = center, similarity
         return best, highest

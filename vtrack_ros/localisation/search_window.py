@@ -28,28 +28,33 @@ _LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class SearchWindow:
-    """
-    A window of a frame, resampled and described.
+class Grid:
+    """Where a window's cells are: its centre in the frame and a cell's (width, height), [px]."""
 
-    Its centre in the frame, the size of a target that fills its middle and a cell's (width,
-    height) are in pixels. `grey` is the image, of 3 x 3 samples a cell; `colours` has each pixel's
-    bin in the colour model, of 2 x 2 a cell; the spectrum, shape (channels, rows, columns // 2 +
-    1), is that of the features.
-    """
-
-    layout: WindowLayout
     center: Point
-    size: Point
     cell: Point
-    grey: Frame
-    colours: Colours
-    spectrum: Spectrum
 
     def shift(self, place: Point) -> Point:
         """Return how far a place, in pixels, is from the window's centre, in cells."""
         return ((place[0] - self.center[0]) / self.cell[0],
                 (place[1] - self.center[1]) / self.cell[1])
+
+
+@dataclass(frozen=True)
+class SearchWindow(Grid):
+    """
+    A window of a frame, resampled and described.
+
+    The size of a target that fills its middle is in pixels. `grey` is the image, of 3 x 3 samples
+    a cell; `colours` has each pixel's bin in the colour model, of 2 x 2 a cell; the spectrum,
+    shape (channels, rows, columns // 2 + 1), is that of the features.
+    """
+
+    layout: WindowLayout
+    size: Point
+    grey: Frame
+    colours: Colours
+    spectrum: Spectrum
 
     def sample_at(self, shift: Point) -> Point:
         """Return a place in `grey`, from its place from the window's centre in cells."""
@@ -109,14 +114,14 @@ class WindowLayout:
         cells = cv2.resize(small, (self.columns, self.rows), interpolation=cv2.INTER_AREA)
         spectrum = CorrelationFilter.transform(describe(grey, cells, _CELL))
         cell = (size[0] * self.reach[0] / self.columns, size[1] * self.reach[1] / self.rows)
-        return SearchWindow(self, center, size, cell, grey, colour_index(small), spectrum)
+        return SearchWindow(center, cell, self, size, grey, colour_index(small), spectrum)
 
 
 @dataclass(frozen=True)
 class ResponseMap:
     """The response to the target's centre in each cell of a window."""
 
-    window: SearchWindow
+    window: Grid
     values: NDArray[np.float32]
 
     @cached_property

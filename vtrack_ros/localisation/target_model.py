@@ -72,6 +72,15 @@ class TargetModel:
         response += np.float32(_COLOUR_WEIGHT) * colour[::detail, ::detail]
         return response
 
+    def localise(self, frame: Frame, center: Point, size: Point) -> ResponseMap:
+        """Return the response in the window about a target of that centre and size, in pixels."""
+        window = self.layout.window(frame, center, size)
+        return ResponseMap(window, self.response(window))
+
+    def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
+        """Return how far a place's similarity to the initial template is to be believed."""
+        return similarity
+
     def growth(self, window: SearchWindow, shift: Point) -> float:
         """Return by which factor the target, `shift` cells off the centre, grew."""
         return self.scale.growth(window.grey, window.sample_at(shift))
@@ -79,17 +88,17 @@ class TargetModel:
     def updated(self, window: SearchWindow, shift: Point) -> TargetModel:
         """Return the model whose filter has learned the target, `shift` cells off the centre."""
         correlation = self.correlation.updated(window.spectrum, _RATE, shift)
-        return TargetModel(self.layout, correlation, self.colours, self.scale)
+        return replace(self, correlation=correlation)
 
     def with_colours(self, window: SearchWindow, shift: Point) -> TargetModel:
         """Return the model that has learned the target's colours too."""
         colours = self.colours.updated(window.colours, window.rectangle(shift), _COLOUR_RATE)
-        return TargetModel(self.layout, self.correlation, colours, self.scale)
+        return replace(self, colours=colours)
 
     def with_scale(self, window: SearchWindow, shift: Point, growth: float) -> TargetModel:
         """Return the model that has learned the scale of a target grown by a factor."""
         scale = self.scale.updated(window.grey, window.sample_at(shift), growth, _SCALE_RATE)
-        return TargetModel(self.layout, self.correlation, self.colours, scale)
+        return replace(self, scale=scale)
 
 
 @dataclass(frozen=True)
@@ -109,8 +118,7 @@ class TargetSnapshot:
 
     def localise(self, frame: Frame, center: Point) -> ResponseMap:
         """Return the response in the window about a place, in pixels."""
-        window = self.model.layout.window(frame, center, self.size)
-        return ResponseMap(window, self.model.response(window))
+        return self.model.localise(frame, center, self.size)
 
     def with_response(self, response: float) -> TargetSnapshot:
         """Return the snapshot whose usual response has followed one more frame's."""

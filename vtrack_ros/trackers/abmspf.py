@@ -5,11 +5,12 @@ import numpy as np
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import SIGMA
-from vtrack_ros.localisation import GuidedSearch, Hypotheses, ResponseMap
-from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
+from vtrack_ros.localisation import GuidedSearch, ResponseMap
+from vtrack_ros.localisation.filter_parameters import LOCALISER, MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import climb, climbing_weights, fuse
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.tracker import Estimate, Tracker
+from vtrack_ros.tracker import Estimate
+from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
 #: Steps of a climb at most, and the step in cells that ends it, with either bandwidth.
 _COARSE_STEPS, _COARSE_TOLERANCE = 8, 0.1
@@ -21,7 +22,7 @@ _FINE = 1 / 32
 _SHARPNESS = 20.0
 
 
-class MeanShiftParticleFilter(Tracker):
+class MeanShiftParticleFilter(LocalisedTracker):
     """
     Mean shift and few particles on the response map, in place of pixels' colours [Yin2013].
 
@@ -41,19 +42,20 @@ class MeanShiftParticleFilter(Tracker):
     PARAMETERS = ParameterTable([
         Parameter('rejected', 0.5, 'Similarity r below which the target counts as hidden.', 0.0,
                   1.0),
-    ]) + MEAN_SHIFT_PARTICLES
+    ]) + MEAN_SHIFT_PARTICLES + LOCALISER
 
     def _configure(self) -> None:
         """Every parameter is read when it's needed."""
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._localiser = Hypotheses(frame, box.center, (box.width, box.height), self._rng)
+        self._begin(frame, box)
         self._search = GuidedSearch(frame, self._localiser)
         self._velocity = np.zeros(2)
         return self._localiser.estimate(
             np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
+        self._switch()
         localiser, values = self._localiser, self._parameters
         before = localiser.center
         step = dt * float(values['inertia']) * self._velocity

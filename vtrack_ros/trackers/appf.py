@@ -9,12 +9,12 @@ from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import GroupParticles
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
-from vtrack_ros.localisation import Hypotheses
 from vtrack_ros.localisation.filter_parameters import (
-    AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS)
+    AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS, LOCALISER)
 from vtrack_ros.localisation.upright_search import UprightResponse, UprightSearch
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.tracker import Estimate, Tracker
+from vtrack_ros.tracker import Estimate
+from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
 #: The window that keypoints are searched in, in units of the target's bound: about its last place
 #: in the first frame, then about the highest response. It's twice as wide where there is so much
@@ -28,7 +28,7 @@ _TEMPERED = 0.3
 _SIDE, _KEYPOINT_SIDE = 24, 40
 
 
-class AffineKeypointParticleFilter(Tracker):
+class AffineKeypointParticleFilter(LocalisedTracker):
     """
     APPF: autoregression on the affine group, steered by the keypoints' pose [Xiang].
 
@@ -55,7 +55,7 @@ class AffineKeypointParticleFilter(Tracker):
                   'the likelihood.', 0.01, 1.0),
         Parameter('response_share', 0.3, 'Share of the particles that are moved to where the '
                   'response is highest.', 0.0, 1.0),
-    ]) + AFFINE_GROUP + KEYPOINTS
+    ]) + AFFINE_GROUP + KEYPOINTS + LOCALISER
 
     def _configure(self) -> None:
         values = self._parameters
@@ -77,11 +77,12 @@ class AffineKeypointParticleFilter(Tracker):
         self._memory = KeypointMemory(self._size)
         self._measured_pose(frame, self._state[:2, 2], _FIRST_REACH)
         self._remember_keypoints()
-        self._localiser = Hypotheses(frame, box.center, (box.width, box.height), self._rng)
+        self._begin(frame, box)
         self._upright = UprightSearch(self._localiser)
         return self._estimate(np.full(count, 1 / count))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
+        self._switch()
         values, particles = self._parameters, self._particles
         response = self._upright.localise(frame, float(affine.angle(self._state)))
         weights = self._weigh(frame, dt, response)

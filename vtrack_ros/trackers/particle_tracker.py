@@ -12,10 +12,11 @@ from vtrack_ros.estimation import (
     PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, spread_about)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation import Found, GuidedSearch, Hypotheses
-from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING, WEIGHTING
+from vtrack_ros.localisation import Found, GuidedSearch
+from vtrack_ros.localisation.filter_parameters import LOCALISER, MOTION, RESAMPLING, WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.tracker import Estimate, Tracker
+from vtrack_ros.tracker import Estimate
+from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
 #: Error of the measured centre, as a share of the target's mean side, where it's seen well.
 _MEASURED_ERROR = 0.05
@@ -29,10 +30,10 @@ _START = np.array([0.03, 0.03, 0.05, 0.05])
 _SHARED = MOTION + ParameterTable([
     Parameter('temperature', 0.07, 'Share of the usual response that makes a factor of e in the '
               'likelihood.', 0.01, 1.0),
-]) + RESAMPLING
+]) + RESAMPLING + LOCALISER
 
 
-class ParticleTracker(Tracker):
+class ParticleTracker(LocalisedTracker):
     """
     A particle filter whose forecast guides the search.
 
@@ -45,7 +46,6 @@ class ParticleTracker(Tracker):
     """
 
     PARAMETERS = _SHARED
-    _localiser: Hypotheses
     _search: GuidedSearch
     _filter: ParticleFilter
 
@@ -69,13 +69,14 @@ class ParticleTracker(Tracker):
         self._side = 0.0
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._localiser = Hypotheses(frame, box.center, (box.width, box.height), self._rng)
+        self._begin(frame, box)
         self._search = GuidedSearch(frame, self._localiser)
         self._restart()
         return self._localiser.estimate(
             np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
+        self._switch()
         self._adapt()
         localiser = self._localiser
         found = self._search.search(frame, dt, self._forecast(dt))

@@ -1,0 +1,165 @@
+"""A Siamese network as the localiser of the filters; tiny networks stand for NanoTrack's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from drawn_video import box_at, DrawnVideo, START, straight, TARGET
+import numpy as np
+import pytest
+from siamese_files import network_files, write_backbone, write_head
+
+from vtrack_ros.appearance.siamese_network import exemplar_side, SiameseNetwork
+from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState
+
+FILTERS = [name for name in tracker_names(replicas=False, installed=False)
+           if 'localiser' in tracker_class(name).PARAMETERS]
+SIDE = exemplar_side(TARGET)
+
+
+@pytest.fixture(scope='module')
+def files() -> dict[str, str]:
+    """Return the parameters that name the networks' files."""
+    return network_files()
+
+
+@pytest.fixture(scope='module')
+def siamese(files) -> dict[str, str]:
+    """Return the parameters that put a network in force."""
+    return {'localiser': 'siamese', **files}
+
+
+def frame_at(center, seed=0):
+    """Return a frame with the target at a place, or without it."""
+    return DrawnVideo(seed=seed).frame(center)
+
+
+def test_the_network_finds_the_target_where_it_is(files):
+    """A place off the square's middle is that many samples off, in pixels of the frame."""
+    network = SiameseNetwork(*files.values())
+    target = network.learn(frame_at(START), START, TARGET)
+    side = 255 / 127 * SIDE
+    step = 2 * 16 * side / 255
+    odds, boxes = network.search(target, frame_at(START), (START[0] - step, START[1]), side)
+    row, column = divmod(int(odds.argmax()), 16)
+    assert (row, column) == (8, 10)
+    np.testing.assert_allclose(boxes[:, row, column], [step, 0, SIDE / 2, SIDE / 2], rtol=0.01)
+
+
+@pytest.mark.parametrize('name', FILTERS)
+def test_filters_follow_what_the_network_finds(name, siamese):
+    """A target of its own colours: on it to the end, and never in doubt."""
+    path = straight(12, (2.0, 1.0))
+    video = DrawnVideo()
+    tracker = create_tracker(name, seed=1, **siamese)
+    tracker.start(video.frame(path[0]), box_at(path[0]))
+    for center in path[1:]:
+        estimate = tracker.update(video.frame(center))
+        assert estimate.box.iou(box_at(center)) > 0.5
+        assert estimate.state is TrackState.TRACKING
+        assert np.linalg.eigvalsh(estimate.covariance).min() > 0
+
+
+def test_grey_frames_will_do(siamese):
+    """A camera without colours has none for the network either."""
+    video = DrawnVideo(colour=False)
+    tracker = create_tracker('gmpf', seed=1, **siamese)
+    tracker.start(video.frame(START), box_at(START))
+    assert tracker.update(video.frame(START)).box.iou(box_at(START)) > 0.7
+
+
+def test_the_box_is_what_the_user_means_by_the_target(files, tmp_path):
+    """A network whose boxes are a fifth larger keeps the size that was given."""
+    head = write_head(tmp_path / 'large.onnx', grow=1.2)
+    tracker = create_tracker('gmpf', seed=1, localiser='siamese',
+                             **{**files, 'siamese.head': head})
+    tracker.start(frame_at(START), box_at(START))
+    for _ in range(10):
+        box = tracker.update(frame_at(START)).box
+    np.testing.assert_allclose([box.width, box.height], TARGET, rtol=0.02)
+
+
+def test_an_absent_target_is_missed_and_found_again(siamese):
+    """The network always finds something; that it isn't the target is told all the same."""
+    video = DrawnVideo()
+    tracker = create_tracker('gmpf', seed=1, **siamese)
+    tracker.start(video.frame(START), box_at(START))
+    states = [tracker.update(video.frame(center)).state
+              for center in [START] * 5 + [None] * 12]
+    assert states[4] is TrackState.TRACKING and states[-1] is not TrackState.TRACKING
+    for _ in range(12):
+        estimate = tracker.update(video.frame(START))
+    assert estimate.state is TrackState.TRACKING
+    assert estimate.box.iou(box_at(START)) > 0.5
+
+
+@pytest.mark.parametrize('name', FILTERS)
+def test_another_localiser_keeps_the_target(name, siamese):
+    """There and back, each takes over where the other one has it, as it was first seen."""
+    path = straight(16, (2.0, 1.0))
+    video = DrawnVideo()
+    tracker = create_tracker(name, seed=1)
+    tracker.start(video.frame(path[0]), box_at(path[0]))
+    for index, center in enumerate(path[1:]):
+        if index in (5, 10):
+            tracker.configure(**(siamese if index == 5 else {'localiser': 'dcf'}))
+        estimate = tracker.update(video.frame(center))
+        assert estimate.box.iou(box_at(center)) > 0.5
+        assert estimate.state is TrackState.TRACKING
+
+
+def test_a_lost_target_is_found_by_another_localiser(siamese):
+    """What it looked like isn't forgotten with the localiser."""
+    video = DrawnVideo()
+    tracker = create_tracker('gmpf', seed=1)
+    tracker.start(video.frame(START), box_at(START))
+    for _ in range(20):
+        tracker.update(video.frame(None))
+    tracker.configure(**siamese)
+    for _ in range(3):
+        assert tracker.update(video.frame(None)).state is not TrackState.TRACKING
+    for _ in range(12):
+        estimate = tracker.update(video.frame(START))
+    assert estimate.state is TrackState.TRACKING and estimate.box.iou(box_at(START)) > 0.5
+
+
+def broken(kind: str, folder: Path, files: dict[str, str]) -> str:
+    """Return the path of a file that's no backbone."""
+    path = folder / f'{kind}.onnx'
+    if kind == 'truncated':
+        path.write_bytes(Path(files['siamese.backbone']).read_bytes()[:9000])
+    elif kind == 'other':
+        write_backbone(path, channels=96)
+    return files['siamese.head'] if kind == 'head' else str(path)
+
+
+@pytest.mark.parametrize('kind, words', [
+    ('missing', 'is no file'), ('truncated', "can't read"),
+    ('other', r'expected \(1, 48, 8, 8\) of \(1, 3, 127, 127\), not \(1, 96, 8, 8\)'),
+    ('head', r'expected \(1, 48, 8, 8\) of \(1, 3, 127, 127\)')])
+def test_a_wrong_file_is_refused(kind, words, tmp_path, files, siamese):
+    """At the change itself, in words that say what's expected; the target is kept."""
+    session = TrackingSession('gmpf')
+    session.start(frame_at(START), 0, box_at(START))
+    wrong = {**siamese, 'siamese.backbone': broken(kind, tmp_path, files)}
+    with pytest.raises(ValueError, match=f'gmpf.siamese.backbone: .*{words}'):
+        session.change(parameters={'gmpf': wrong})
+    assert session.update(frame_at(START), 1).box.iou(box_at(START)) > 0.7
+    # one that isn't in use is refused as well
+    with pytest.raises(ValueError, match=words):
+        session.change(parameters={'pf': {'siamese.backbone': wrong['siamese.backbone']}})
+
+
+def test_a_backbone_is_no_head(files):
+    """The head's own inputs and outputs are asked for."""
+    with pytest.raises(ValueError, match=r'siamese.head: .*output1 \(1, 2, 16, 16\)'):
+        create_tracker('gmpf', **{'siamese.head': files['siamese.backbone']})
+
+
+def test_a_network_needs_its_files(files):
+    """Nothing is changed by half of what it takes."""
+    tracker = create_tracker('gmpf')
+    with pytest.raises(ValueError, match='needs the files siamese.backbone and siamese.head'):
+        tracker.configure(localiser='siamese', **{'siamese.head': files['siamese.head']})
+    assert tracker.parameters['localiser'] == 'dcf' and not tracker.parameters['siamese.head']

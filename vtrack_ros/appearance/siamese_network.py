@@ -1,0 +1,148 @@
+"""A Siamese network that says where in an image a target is, and with which box."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.appearance.features import sample_window
+from vtrack_ros.frame import Frame, Point
+
+#: Sides of the target's image and of the one that's searched, in samples, as NanoTrack has them.
+EXEMPLAR, SEARCHED = 127, 255
+#: Distance of two places of the answer, in samples, and how many there are along a side.
+STRIDE, PLACES = 16, 16
+#: Surroundings of the target in its image, as a share of the mean side, on each of two sides.
+_CONTEXT = 0.5
+_CHANNELS, _FEATURES = 48, {EXEMPLAR: 8, SEARCHED: 16}
+_TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
+
+#: Features of an image, float32, shape (1, channels, rows, columns).
+Blob = NDArray[np.float32]
+
+
+class SiameseNetwork:
+    """
+    A backbone and a head with the inputs and outputs of NanoTrack V2, run by OpenCV.
+
+    The backbone turns images, float32 of shape (1, 3, 127, 127) or (1, 3, 255, 255), BGR from 0 to
+    255, into features of shape (1, 48, 8, 8) or (1, 48, 16, 16). The head takes those of the
+    target as `input1` and of what's searched as `input2`, and gives, for places 16 samples apart
+    of which (8, 8) is in the middle, `output1`, shape (1, 2, 16, 16): background's and target's
+    logits, and `output2`, shape (1, 4, 16, 16): how far the target's left, top, right and bottom
+    are from there, in samples.
+
+    They are paths of ONNX files. ValueError if a file is missing, or can't be read, or isn't such
+    a network.
+    """
+
+    def __init__(self, backbone: str, head: str) -> None:
+        self._backbone = read_backbone(backbone)
+        self._head = read_head(head)
+
+    def learn(self, frame: Frame, center: Point, size: Point) -> Blob:
+        """Return the features of a target in a frame, centre and size in pixels."""
+        return self._described(frame, center, exemplar_side(size), EXEMPLAR)
+
+    def search(self, target: Blob, frame: Frame, center: Point,
+               side: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return where a target is in a square of a frame, centre and side in pixels.
+
+        The log-odds of its presence in each place, shape (16, 16), and its box there, shape
+        (4, 16, 16): centre x and y from the square's centre, width and height, in pixels.
+        """
+        self._head.setInput(target, _TEMPLATE)
+        self._head.setInput(self._described(frame, center, side, SEARCHED), _PLACE)
+        logits, sides = (
+            output[0].astype(np.float64) for output in self._head.forward([_SCORES, _SIDES]))
+        left, top, right, bottom = sides
+        at = STRIDE * (np.arange(PLACES) - PLACES // 2)
+        boxes = np.stack([at + (right - left) / 2, at[:, None] + (bottom - top) / 2,
+                          left + right, top + bottom])
+        return logits[1] - logits[0], side / SEARCHED * boxes
+
+    def _described(self, frame: Frame, center: Point, side: float, samples: int) -> Blob:
+        pixels = sample_window(frame, center, (side, side), (samples, samples))
+        if pixels.ndim == 2:
+            pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
+        self._backbone.setInput(cv2.dnn.blobFromImage(pixels))
+        # what is returned may be the network's own memory
+        features: Blob = self._backbone.forward().copy()
+        return features
+
+
+def exemplar_side(size: Point) -> float:
+    """Return the side of the square that shows a target, (width, height), with surroundings."""
+    context = _CONTEXT * (size[0] + size[1])
+    return float(np.sqrt((size[0] + context) * (size[1] + context)))
+
+
+def check_backbone(path: str) -> None:
+    """Raise a ValueError unless a path is empty, or a backbone's."""
+    if path:
+        read_backbone(path)
+
+
+def check_head(path: str) -> None:
+    """Raise a ValueError unless a path is empty, or a head's."""
+    if path:
+        read_head(path)
+
+
+def read_backbone(path: str) -> cv2.dnn.Net:
+    """Return the backbone in an ONNX file; errors as `SiameseNetwork`."""
+    net = _read(path)
+    for samples, side in _FEATURES.items():
+        _check(path, net, {'': (1, 3, samples, samples)}, {'': (1, _CHANNELS, side, side)})
+    return net
+
+
+def read_head(path: str) -> cv2.dnn.Net:
+    """Return the head in an ONNX file; errors as `SiameseNetwork`."""
+    net = _read(path)
+    inputs = {name: (1, _CHANNELS, side, side)
+              for name, side in zip((_TEMPLATE, _PLACE), _FEATURES.values())}
+    _check(path, net, inputs, {_SCORES: (1, 2, PLACES, PLACES), _SIDES: (1, 4, PLACES, PLACES)})
+    return net
+
+
+def _read(path: str) -> cv2.dnn.Net:
+    if not Path(path).is_file():
+        raise ValueError(f'{path!r} is no file')
+    try:
+        return cv2.dnn.readNetFromONNX(path)
+    except cv2.error as error:
+        raise ValueError(f"OpenCV {cv2.__version__} can't read {path!r} as an ONNX network: "
+                         f'{_reason(error)}') from None
+
+
+def _check(path: str, net: cv2.dnn.Net, inputs: Mapping[str, tuple[int, ...]],
+           expected: Mapping[str, tuple[int, ...]]) -> None:
+    """Raise a ValueError unless inputs of those shapes bring outputs of those."""
+    valid = f'expected {_shapes(expected)} of {_shapes(inputs)}'
+    try:
+        for name, shape in inputs.items():
+            net.setInput(np.zeros(shape, np.float32), name)
+        if '' in expected:
+            shapes = {'': net.forward().shape}
+        else:
+            shapes = {name: output.shape
+                      for name, output in zip(expected, net.forward(list(expected)))}
+    except cv2.error as error:
+        raise ValueError(f'{path!r} is another network: {valid}: {_reason(error)}') from None
+    if shapes != expected:
+        raise ValueError(f'{path!r} is another network: {valid}, not {_shapes(shapes)}')
+
+
+def _shapes(named: Mapping[str, tuple[int, ...]]) -> str:
+    return ', '.join(f'{name} {shape}'.strip() for name, shape in named.items())
+
+
+def _reason(error: cv2.error) -> str:
+    """Return what OpenCV said, on one line."""
+    return ' '.join(str(error).split())

@@ -1,0 +1,143 @@
+"""Localises one target by a Siamese network, verified like any other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vtrack_ros.appearance.siamese_network import (
+    Blob, EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
+from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.localisation.localiser import LARGEST, Localiser, SMALLEST
+from vtrack_ros.localisation.search_window import Grid, ResponseMap
+from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
+
+#: Log-odds of places off a target, and so much more of those on it: from 0 to 1 in the response.
+_ELSEWHERE, _RANGE = -6.0, 16.0
+#: Cells along a side of the response map, and the standard deviation of a box's place, in cells.
+_CELLS, _SPREAD = 32, 1.0
+#: A box with less than this share of the highest response says nothing about the target's place.
+_SHARE = 0.3
+#: Puts the product of similarity and response on the scale of a similarity.
+_CREDIBLE = 1.75
+#: How fast the size follows the network's boxes.
+_SIZE_RATE = 0.35
+#: The network's box in the first frame is corrected by at most that share of its size.
+_CORRECTED = 0.3
+
+
+@dataclass(frozen=True)
+class SiameseResponse(ResponseMap):
+    """
+    The response in each cell, and the boxes that it's made of.
+
+    `boxes`, shape (N, 4), are centres, widths and heights in pixels, `levels`, shape (N,), their
+    responses.
+    """
+
+    boxes: Array
+    levels: Array
+
+    @classmethod
+    def of(cls, center: Point, side: float, boxes: Array, levels: Array) -> SiameseResponse:
+        """Make the response in the square of that centre and side, in pixels."""
+        cell = side / _CELLS
+        at = np.arange(_CELLS) - _CELLS // 2
+        along_x, along_y = (
+            np.exp(-(at - (boxes[:, axis, None] - center[axis]) / cell)**2 / (2 * _SPREAD**2))
+            for axis in (0, 1))
+        values = ((levels[:, None] * along_y)[:, :, None] * along_x[:, None]).max(axis=0)
+        return cls(Grid(center, (cell, cell)), values.astype(np.float32), boxes, levels)
+
+    def box_at(self, place: Point) -> Array:
+        """Return the box that the network has found about a place, shape (4,), in pixels."""
+        away = ((self.boxes[:, :2] - place) / self.window.cell)**2
+        best = (self.levels * np.exp(-away.sum(axis=1) / (2 * _SPREAD**2))).argmax()
+        box: Array = self.boxes[best]
+        return box
+
+
+@dataclass(frozen=True)
+class SiameseModel(TargetModel):
+    """
+    The models that a target is searched and verified with, and a network that localises it.
+
+    The network's box of the target in the first frame isn't the one that was given: `correction`
+    is what it has to be moved by, in units of its size, and resized by.
+    """
+
+    network: SiameseNetwork
+    target: Blob
+    correction: Array
+
+    @classmethod
+    def beside(cls, model: TargetModel, network: SiameseNetwork, frame: Frame, center: Point,
+               size: Point) -> SiameseModel:
+        """Show a target, in its first frame, to a network, beside a model of it."""
+        target = network.learn(frame, center, size)
+        found = cls(model.layout, model.correlation, model.colours, model.scale, network, target,
+                    np.array([0.0, 0.0, 1.0, 1.0]))
+        box = found.localise(frame, center, size).box_at(center)
+        correction = np.concatenate([(center - box[:2]) / box[2:], size / box[2:]])
+        neutral = found.correction
+        return replace(found, correction=correction.clip(
+            neutral - _CORRECTED, neutral + _CORRECTED))
+
+    def localise(self, frame: Frame, center: Point, size: Point) -> SiameseResponse:
+        """
+        Return the response about a target of that centre and size, in pixels.
+
+        The network's log-odds, on a scale from 0 to 1, at the centre of the box that it has found
+        in each place: a box is more exact than the places, a quarter of the target apart.
+        """
+        side = SEARCHED / EXEMPLAR * exemplar_side(size)
+        odds, found = self.network.search(self.target, frame, center, side)
+        levels = ((odds - _ELSEWHERE) / _RANGE).clip(0.0).ravel()
+        strong = levels >= _SHARE * levels.max()
+        boxes = found.reshape(4, -1).T[strong]
+        boxes[:, :2] += center + self.correction[:2] * boxes[:, 2:]
+        boxes[:, 2:] *= self.correction[2:]
+        return SiameseResponse.of(center, side, boxes, levels[strong])
+
+    def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
+        """Return the similarity of a place, in pixels, as far as the network agrees."""
+        return _CREDIBLE * similarity * response.sample_one(place)
+
+
+class SiameseLocaliser(Localiser):
+    """
+    Localises a target by a Siamese network, which doesn't learn.
+
+    Its boxes have their own aspect. Presence and re-detection are `Localiser`'s: the initial
+    template decides, that of a correlation filter.
+    """
+
+    #: The network sees further than filters do, and takes ten times as long.
+    MORE_WINDOWS = 2
+
+    def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
+                 network: SiameseNetwork, searches: int = 1) -> None:
+        super().__init__(frame, center, size, rng, searches)
+        self._live = replace(self._live, model=SiameseModel.beside(
+            self._live.model, network, frame, center, size))
+
+    def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
+        """Return the target at a place, verified there if it's time for that."""
+        live, size = self._live, self._live.size
+        self._frames += 1
+        if isinstance(response, SiameseResponse):
+            rate = _SIZE_RATE * min(response.sample_one(center), 1.0)
+            width, height = (
+                before * (found / before)**rate
+                for before, found in zip(size, response.box_at(center)[2:].tolist()))
+            size = self._bounded((width, height))
+        window = live.model.layout.window(frame, center, size)
+        self._verify(window, center, response)
+        return replace(live, center=center, size=size)
+
+    def _bounded(self, size: Point) -> Point:
+        """Bound a size: who is out of sight may not drift far."""
+        width, height = (min(max(side, SMALLEST * first), LARGEST * first)
+                         for side, first in zip(size, self._first_size))
+        return width, height

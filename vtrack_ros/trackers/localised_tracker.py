@@ -1,0 +1,40 @@
+"""What trackers share whose target is localised by what the parameter `localiser` says."""
+
+from vtrack_ros.appearance.siamese_network import SiameseNetwork
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation import Hypotheses
+from vtrack_ros.parameters import Value
+from vtrack_ros.tracker import Tracker
+
+
+class LocalisedTracker(Tracker):
+    """
+    A tracker whose table holds the parameters `filter_parameters.LOCALISER`.
+
+    Another localiser goes on with the target as it was first seen, where it is.
+    """
+
+    _localiser: Hypotheses
+    _network: SiameseNetwork | None = None
+    _files: tuple[str, str] | None = None
+
+    def _prepare(self, values: dict[str, Value]) -> None:
+        files = str(values['siamese.backbone']), str(values['siamese.head'])
+        if values['localiser'] != 'siamese':
+            self._network = self._files = None
+        elif not all(files):
+            raise ValueError("localiser 'siamese' needs the files siamese.backbone and "
+                             f'siamese.head, but they are {files[0]!r} and {files[1]!r}')
+        elif files != self._files:
+            self._network, self._files = SiameseNetwork(*files), files
+
+    def _begin(self, frame: Frame, box: Box) -> None:
+        """Learn the target in the first frame."""
+        self._localiser = Hypotheses(
+            frame, box.center, (box.width, box.height), self._rng, self._network)
+
+    def _switch(self) -> None:
+        """Put another localiser in force, if the parameters say so."""
+        if self._localiser.network is not self._network:
+            self._localiser.use(self._network)
