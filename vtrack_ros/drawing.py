@@ -154,9 +154,12 @@ class Film:
             self._writer.release()
             if kind is not None:
                 video.unlink(missing_ok=True)
+            elif 0 <= cv2.VideoCapture(str(video)).get(cv2.CAP_PROP_FRAME_COUNT) < self._index:
+                # The writer itself says nothing of what it could not write, as on a full disk.
+                raise OSError(f'the video {video.name} is incomplete')
         if self._sheet and kind is None and not cv2.imwrite(
                 str(sheet), contact_sheet(self._sheet)):
-            raise OSError(f'cannot write the picture {sheet}')
+            raise OSError(f'the picture {sheet.name} is incomplete')
 
     def add(self, frame: Frame, text: str, *, truth: Box | None = None,
             estimate: Estimate | None = None,
@@ -187,7 +190,7 @@ class Film:
             code = cv2.VideoWriter.fourcc(*'mp4v')
             self._writer = cv2.VideoWriter(str(self.paths[0]), code, self._rate, self._size)
             if not self._writer.isOpened():
-                raise OSError(f'cannot write the video {self.paths[0]}')
+                raise OSError(f'the video {self.paths[0].name} cannot be begun')
         if picture.shape[1::-1] != self._size:
             picture = np.asarray(cv2.resize(picture, self._size), np.uint8)
         self._writer.write(picture)

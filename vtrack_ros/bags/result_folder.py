@@ -12,7 +12,7 @@ import tempfile
 from typing import Any
 
 from vtrack_ros.bags import messages
-from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.errors import BagError, writing
 from vtrack_ros.bags.reader import BagReader
 from vtrack_ros.bags.replay import Step, WAITING
 from vtrack_ros.bags.writer import BagWriter
@@ -52,6 +52,7 @@ class ResultFolder:
             raise BagError(f"can't write results into {self._path}: {error.strerror}") from None
         self.place = self._scratch / 'new'
         with ExitStack() as stack:
+            stack.enter_context(writing(self._path))
             stack.push(self._finish)
             self.place.mkdir()
             self._bag = stack.enter_context(BagWriter(self.place / _BAG))

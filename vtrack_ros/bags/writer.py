@@ -13,7 +13,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
 from vtrack_ros.bags import messages
-from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.errors import BagError, writing
 from vtrack_ros.bags.truth import TRUTH_FILE, TRUTH_TOPIC, write_truth
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -73,11 +73,12 @@ class BagWriter:
         """Finish the bag, or remove it after an error."""
         try:
             if kind is None:
-                self._writer.close()
-                finished = self._scratch / self._path.name
-                if self._truth:
-                    write_truth(finished / TRUTH_FILE, self._truth)
-                finished.rename(self._path)
+                with writing(self._path):
+                    self._writer.close()
+                    finished = self._scratch / self._path.name
+                    if self._truth:
+                        write_truth(finished / TRUTH_FILE, self._truth)
+                    finished.rename(self._path)
             else:
                 self._writer.abort()
         finally:
@@ -90,7 +91,8 @@ class BagWriter:
             self._connections[topic] = self._writer.add_connection(
                 topic, name, typestore=messages.typestore(), offered_qos_profiles=[_RELIABLE])
         data = messages.typestore().serialize_cdr(message, name)
-        self._writer.write(self._connections[topic], stamp, data)
+        with writing(self._path):
+            self._writer.write(self._connections[topic], stamp, data)
 
     def write_frame(
             self, frame: Frame, stamp: int, topic: str = '/image',
