@@ -250,6 +250,29 @@ def test_broken_compressed_images(data, kind):
         compressed_to_frame(SimpleNamespace(format=kind, data=data))
 
 
+def test_a_small_message_cannot_claim_a_huge_image():
+    """Nobody makes room for pixels that the bytes can't hold."""
+    for kind, places in (('.png', ((16, 4), (20, 4))), ('.jpg', None)):
+        data = bytearray(cv2.imencode(kind, np.zeros((16, 16, 3), np.uint8))[1].tobytes())
+        if places is None:
+            at = data.index(b'\xff\xc0') + 5
+            places = ((at, 2), (at + 2, 2))
+        for at, length in places:
+            data[at:at + length] = (0xfff0 if length == 2 else 0x10000).to_bytes(length, 'big')
+        with pytest.raises(ValueError, match='pixels, which is more than it holds'):
+            compressed_to_frame(SimpleNamespace(format=kind, data=bytes(data)))
+
+
+def test_a_blank_image_is_read():
+    """However well it is compressed, of one bit a pixel too."""
+    blank = np.zeros((4000, 4000), np.uint8)
+    for kind, options in (('.png', [cv2.IMWRITE_PNG_BILEVEL, 1]), ('.png', []),
+                          ('.jpg', [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])):
+        data = cv2.imencode(kind, blank, options)[1].tobytes()
+        frame = compressed_to_frame(SimpleNamespace(format=kind, data=data))
+        assert frame.shape == blank.shape
+
+
 @pytest.mark.parametrize('shape', [(HEIGHT, WIDTH), (HEIGHT, WIDTH, 3)])
 def test_there_and_back(shape):
     """What's written is read back."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame
+from vtrack_ros.messages.compressed_size import checked_size
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def to_frame(message: Any) -> Frame:
 
 def compressed_to_frame(message: Any) -> Frame:
     """
-    Return the pixels of a compressed image message (JPEG, PNG or whatever else OpenCV reads).
+    Return the pixels of a compressed image message, JPEG or PNG.
 
     Of shape (H, W, 3) in BGR order or (H, W); ValueError if the data can't be decoded.
     """
@@ -131,14 +132,17 @@ def compressed_to_frame(message: Any) -> Frame:
             f'compressed image format {message.format!r} is a depth image; valid are jpeg and png')
     data = _bytes(message.data)
     flags = cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+    pixels, fault = None, 'its data is neither a whole jpeg nor a whole png'
     try:
-        pixels = cv2.imdecode(data, flags) if data.size else None
+        checked_size(data.tobytes())
+        pixels = cv2.imdecode(data, flags)
     except cv2.error:
-        pixels = None
+        pass
+    except ValueError as error:
+        fault = str(error)
     if pixels is None:
-        raise ValueError(
-            f'compressed image of {data.size} bytes, format {message.format!r}, '
-            "can't be decoded: its data is neither a whole jpeg nor a whole png")
+        raise ValueError(f'compressed image of {data.size} bytes, format {message.format!r}, '
+                         f"can't be decoded: {fault}")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise ValueError(
             f'compressed image holds {pixels.dtype} values; valid are 8 or 16 bits per channel')
