@@ -106,6 +106,16 @@ def test_a_late_frame_begins_no_stream():
     assert flow.late == 5
 
 
+def test_a_stamp_left_out_begins_no_stream():
+    """A zero among other stamps is dropped and counted; where there are no others, it's taken."""
+    flow = FrameFlow()
+    stamps = [10**9, 2 * 10**9, 0, 3 * 10**9, 0, 0, 4 * 10**9, 0, 0, 0]
+    assert [flow.arrived(stamp, 0).value for stamp in stamps] == [
+        'next', 'next', 'late', 'next', 'late', 'late', 'next', 'late', 'late', 'beginning']
+    assert flow.arrived(0, 0).value == 'next'
+    assert flow.late == 5
+
+
 def test_a_stamp_of_the_far_future_is_but_a_wrong_one():
     """An hour ahead for one frame: dropped. From then on: the clock was set forward."""
     flow, hour = FrameFlow(), 3600 * 10**9

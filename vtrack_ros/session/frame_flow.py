@@ -73,9 +73,11 @@ class FrameFlow:
             return Arrival.LATE
         if stamp < newest:
             self._late_in_a_row += 1
+            # A driver that leaves out the stamp at times.
+            unset = stamp == 0 < self._first
             # Nothing but the first frame has its stamp, once there are others.
-            first_again = stamp <= self._first and self._in_order >= MOST_LATE
-            if (stamp >= newest - LATEST and self._late_in_a_row < MOST_LATE
+            first_again = stamp <= self._first and self._in_order >= MOST_LATE and not unset
+            if ((unset or stamp >= newest - LATEST) and self._late_in_a_row < MOST_LATE
                     and not first_again):
                 self.late += 1
                 return Arrival.LATE
