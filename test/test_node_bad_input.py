@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 import re
 
+from geometry_msgs.msg import PointStamped
 from node_harness import Client, image_message, NodeProcess, Scene, STEP
 import pytest
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
@@ -35,6 +36,14 @@ def init(x=80.0, y=60.0, width=24.0, height=24.0, theta=0.0, seconds=0):
     message.bbox.center.position.x, message.bbox.center.position.y = x, y
     message.bbox.center.theta = theta
     message.bbox.size_x, message.bbox.size_y = width, height
+    return message
+
+
+def point(x, y, seconds=0):
+    """Return a click."""
+    message = PointStamped()
+    message.header.stamp.sec = seconds
+    message.point.x, message.point.y = x, y
     return message
 
 
@@ -86,6 +95,9 @@ SELECTIONS = [
      RegionOfInterest(x_offset=4000, y_offset=4000, width=9, height=9), 'no pixel inside'),
     ('region of one column inside', '~/init_roi',
      RegionOfInterest(x_offset=159, y_offset=50, width=9, height=9), 'at least 2 px'),
+    ('point of no number', '~/init_point', point(NAN, 60.0), 'must be finite'),
+    ('point beside the image', '~/init_point', point(-3.0, 60.0), '160 x 120'),
+    ('point of long ago', '~/init_point', point(80.0, 60.0, seconds=1), 'too old'),
 ]
 
 #: What is sent on camera_info: name, message, what the node says.
@@ -141,6 +153,7 @@ def talking():
         client.publishers = {
             '~/init': client.publisher('~/init', Detection2D),
             '~/init_roi': client.publisher('~/init_roi', RegionOfInterest),
+            '~/init_point': client.publisher('~/init_point', PointStamped),
             'camera_info': client.publisher('camera_info', CameraInfo)}
         client.index = 100
         good_frame(client)
