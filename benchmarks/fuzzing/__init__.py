@@ -1,0 +1,1 @@
+"""What reads data of other people's making, each as a function of bytes."""

@@ -1,0 +1,153 @@
+"""
+The node for a long time at VGA and 60 Hz: does it grow, slow down, or keep what it opened.
+
+`.venv/bin/python benchmarks/soak.py [--minutes M]` writes soak.json and reliability.md into
+docs/results. What is measured in every minute comes from /proc and from the boxes that are heard.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict, dataclass
+import os
+from pathlib import Path
+import sys
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_scenarios.page import page
+from node_bench import Bench, child, cpu_seconds, rss_mb, scene, tracker_arguments
+import numpy as np
+from result_files import write_json
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection2DArray
+
+from vtrack_ros.dds import reserve_domain, with_profile
+
+ROOT = Path(__file__).resolve().parents[1]
+WIDTH, HEIGHT = 640, 480
+
+
+@dataclass(frozen=True)
+class Window:
+    """What was measured in a minute, or in whatever a soak is cut into; memory is at its end."""
+
+    sent: int
+    answered: int
+    found: int
+    latency_ms_p50: float
+    latency_ms_p99: float
+    compute_ms_p50: float
+    cpu_ms_per_frame: float
+    rss_mb: float
+    descriptors: int
+    threads: int
+    #: The share of the machine's time that its host gave to others.
+    stolen: float
+
+
+def machine_ticks() -> tuple[int, int]:
+    """Return the time that the host gave to others, and all of it, in ticks."""
+    ticks = [int(one) for one in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
+    return ticks[7], sum(ticks)
+
+
+def soak(bench: Bench, windows: int, seconds: float, rate: float,
+         tell: Any = lambda window: None) -> list[Window]:
+    """Send images to a node for so many windows of so many seconds; return their figures."""
+    images, box = scene(WIDTH, HEIGHT)
+    period = round(1e9 / rate)
+    sent: dict[int, int] = {}
+    latency: list[float] = []
+    compute: list[float] = []
+    found = 0
+
+    def on_detections(message: Any) -> None:
+        nonlocal found
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        if stamp in sent:
+            latency.append((time.perf_counter_ns() - sent.pop(stamp)) / 1e6)
+            found += bool(message.detections)
+
+    def send(number: int, image: Any) -> None:
+        image.header.stamp.sec, image.header.stamp.nanosec = divmod(number * period, 10**9)
+        sent[number * period] = time.perf_counter_ns()
+        publisher.publish(image)
+
+    def on_state(message: Any) -> None:
+        compute.extend(float(row.value) for row in message.values if row.key == 'ms_per_frame')
+
+    publisher = bench.node.create_publisher(Image, '/ours/image', 10)
+    hearing = [bench.node.create_subscription(kind, topic, hear, 1000) for kind, topic, hear in (
+        (Detection2DArray, '/ours/detections', on_detections),
+        (DiagnosticStatus, '/ours/tracker/state', on_state))]
+    results = []
+    with child(*tracker_arguments('ours', 'gmpf', box)) as process:
+        bench.until(lambda: publisher.get_subscription_count()
+                    and all(one.get_publisher_count() for one in hearing), 'no node was found')
+        count, number = round(seconds * rate), 0
+        while not found:
+            # The box is that of the first image, whichever of these comes first.
+            number += len(images)
+            send(number, images[0])
+            bench.executor.spin_once(timeout_sec=0.1)
+        due = time.perf_counter()
+        for _ in range(windows):
+            latency.clear()
+            compute.clear()
+            sent.clear()
+            found, cpu, before = 0, cpu_seconds(process.pid), machine_ticks()
+            for _ in range(count):
+                number += 1
+                send(number, images[number % len(images)])
+                due += 1 / rate
+                while (left := due - time.perf_counter()) > 0:
+                    bench.executor.spin_once(timeout_sec=left)
+            # The answers to the last ones.
+            settled = time.perf_counter() + 0.2
+            while (left := settled - time.perf_counter()) > 0:
+                bench.executor.spin_once(timeout_sec=left)
+            due = time.perf_counter()
+            stolen, all_ticks = np.subtract(machine_ticks(), before)
+            p50, p99 = np.percentile(latency, (50, 99)) if latency else (np.nan, np.nan)
+            window = Window(
+                count, len(latency), found, float(p50), float(p99),
+                float(np.median(compute)) if compute else float('nan'),
+                1e3 * (cpu_seconds(process.pid) - cpu) / max(1, len(latency)), rss_mb(process.pid),
+                len(os.listdir(f'/proc/{process.pid}/fd')),
+                len(os.listdir(f'/proc/{process.pid}/task')), float(stolen / max(1, all_ticks)))
+            tell(window)
+            results.append(window)
+    for one in hearing:
+        bench.node.destroy_subscription(one)
+    bench.node.destroy_publisher(publisher)
+    return results
+
+
+def main() -> int:
+    """Run the soak and write it down, up to the minute in which it's interrupted."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--minutes', type=int, default=60)
+    parser.add_argument('--rate', type=float, default=60.0, metavar='HZ')
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
+    arguments = parser.parse_args()
+    guard = reserve_domain()
+    os.environ.update(with_profile(os.environ))
+    bench = Bench()
+    rows: list[dict[str, Any]] = []
+
+    def keep(window: Window) -> None:
+        rows.append(asdict(window))
+        print(window, flush=True)
+        write_json(arguments.out / 'soak.json', {
+            'date': time.strftime('%Y-%m-%d'), 'rate_hz': arguments.rate, 'minutes': rows})
+        (arguments.out / 'reliability.md').write_text(page(arguments.out), encoding='utf-8')
+    soak(bench, arguments.minutes, 60.0, arguments.rate, keep)
+    bench.close()
+    guard.close()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
