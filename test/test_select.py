@@ -78,9 +78,15 @@ def playing(bag, rate=1):
 
 
 @pytest.fixture(scope='module')
-def address(bag):
+def recordings(tmp_path_factory):
+    """Return the folder of what is recorded."""
+    return tmp_path_factory.mktemp('recordings')
+
+
+@pytest.fixture(scope='module')
+def address(bag, recordings):
     """Play a bag to a node, and serve its page."""
-    with NodeProcess(), serving() as address, playing(bag, 0.25):
+    with NodeProcess(), serving('--recordings', str(recordings)) as address, playing(bag, 0.25):
         yield address
 
 
@@ -364,3 +370,26 @@ def test_particles(address, truth):
             await seen.until(lambda one: 'particles' not in one)
             await seen.ask(do='reset')
     asyncio.run(run())
+
+
+def test_record(address, bag, recordings):
+    """What is seen is a bag, with the images' own stamps, pixels and boxes."""
+    async def run():
+        async with viewer(address) as seen:
+            picture = await fresh(seen)
+            assert picture['recording'] is False
+            await seen.ask(do='click', stamp=picture['stamp'], x=60, y=50)
+            await seen.ask(do='record', on=True)
+            await seen.until(lambda one: one['recording'] and 'box' in one)
+            await seen.ask(do='record', on=False)
+            await seen.told('images are in ')
+            await seen.ask(do='reset')
+    asyncio.run(run())
+    [path] = recordings.iterdir()
+    with BagReader(bag) as played, BagReader(path) as recorded:
+        frames = {image.stamp: image.frame for image in played.frames()}
+        seen = list(recorded.frames())
+        assert '/detections' in recorded.topics
+    assert len(seen) > 1
+    for image in seen:
+        np.testing.assert_array_equal(image.frame, frames[image.stamp])

@@ -2,6 +2,7 @@
 
 import argparse
 import asyncio
+from pathlib import Path
 import secrets
 
 from vtrack_ros.cli.arguments import node_name
@@ -24,6 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         '(default: for this machine alone, without)')
     parser.add_argument('--port', type=_port, default=8642, metavar='P',
                         help='0 takes a free one (default: %(default)s)')
+    parser.add_argument('--recordings', type=Path, default=Path(), metavar='DIR',
+                        help='where bags go that are recorded on the page (default: here)')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -31,7 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     load_rclpy('selecting')
     from vtrack_ros.selecting.server import serve
     token = '' if arguments.host is None else secrets.token_urlsafe(16)
-    asyncio.run(serve(arguments.node, arguments.host or '127.0.0.1', arguments.port, token))
+    asyncio.run(serve(arguments.node, arguments.host or '127.0.0.1', arguments.port, token,
+                      arguments.recordings))
     return 0
 
 

@@ -1,8 +1,11 @@
 """What a page shows: a tracking node's images and answers, kept one by one."""
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
@@ -14,6 +17,9 @@ from vision_msgs.msg import Detection2DArray
 from vtrack_ros.frame import Frame
 from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
 from vtrack_ros.ros.qos import Input
+
+if TYPE_CHECKING:
+    from vtrack_ros.selecting.recording import Recording
 
 #: So many of the newest images wait for the node's answer; so many places make the trail.
 _KEPT, _TRAIL = 8, 60
@@ -48,6 +54,7 @@ class Observer:
         self._inputs: dict[str, Input] = {}
         self._image: Input | None = None
         self._particles: Any = None
+        self._recording: Recording | None = None
         self.watched = self.wanted = False
         self._inputs['state'] = Input(node, DiagnosticStatus, f'{target}/state', self._on_state)
         self._rosout = node.create_subscription(Log, '/rosout', self._on_log, 10)
@@ -72,6 +79,7 @@ class Observer:
             self._inputs.pop('image').destroy()
             self._image = None
             self._images.clear()
+            self.finish_recording()
         wanted = self.watched and self.wanted
         if wanted and 'particles' not in self._inputs:
             self._inputs['particles'] = Input(
@@ -93,7 +101,8 @@ class Observer:
             return None
         message, answer = self._images[-1], self._answer
         known = answer and [one for one in self._images if one.header.stamp == answer.header.stamp]
-        shown: dict[str, Any] = {'state': dict(self._state), 'trail': list(self._trail)}
+        shown: dict[str, Any] = {'state': dict(self._state), 'trail': list(self._trail),
+                                 'recording': self._recording is not None}
         if known:
             message = known[-1]
         stamp = stamp_nanoseconds(message.header.stamp)
@@ -105,8 +114,27 @@ class Observer:
         shown['stamp'] = str(stamp)
         return message, shown
 
+    def record(self, folder: Path) -> str:
+        """Begin a bag of what is watched, in a folder; BagError if it can't be written."""
+        if self._recording is None:
+            try:
+                # Only this needs rosbags.
+                from vtrack_ros.selecting.recording import Recording
+            except ModuleNotFoundError as error:
+                raise ModuleNotFoundError(
+                    f"recording needs rosbags: pip install 'vtrack_ros[tools]' ({error})"
+                ) from None
+            self._recording = Recording(folder)
+        return 'recording'
+
+    def finish_recording(self) -> str:
+        """Complete the bag, if there is one, and say where it is."""
+        recording, self._recording = self._recording, None
+        return '' if recording is None else recording.finish()
+
     def destroy(self) -> None:
         """Take everything down."""
+        self.finish_recording()
         self._node.destroy_timer(self._timer)
         self._node.destroy_subscription(self._rosout)
         for one in self._inputs.values():
@@ -122,12 +150,18 @@ class Observer:
         return None
 
     def _on_image(self, message: Any) -> None:
+        if self._recording is not None:
+            self._recording.add_image(message)
+            if self._recording.full:
+                self._said('the disk is full: ' + self.finish_recording())
         self._images.append(message)
         if self._answer is None or self._answer.header.stamp not in [
                 one.header.stamp for one in self._images]:
             self._changed()
 
     def _on_answer(self, message: Any) -> None:
+        if self._recording is not None:
+            self._recording.add_answer(message)
         self._answer = message
         one = message.detections[0] if message.detections else None
         if one is None or one.id != self._identity:

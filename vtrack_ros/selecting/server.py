@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from importlib.resources import files
 import json
+from pathlib import Path
 import signal
 from typing import Any
 
@@ -36,13 +37,13 @@ class Viewer:
     One browser: the next picture goes out when the last one was shown.
 
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
-    `click` (stamp, x, y), `reset`, `reinit`, `enable` (on), `particles` (on) or `set` (name, kind,
-    value). It receives, as `kind`: `picture`, with the JPEG's bytes in the message after it,
-    `parameters` and `told`.
+    `click` (stamp, x, y), `reset`, `reinit`, `enable` (on), `particles` (on), `record` (on) or
+    `set` (name, kind, value). It receives, as `kind`: `picture`, with the JPEG's bytes in the
+    message after it, `parameters` and `told`.
     """
 
-    def __init__(self, socket: web.WebSocketResponse, link: TrackerLink) -> None:
-        self._socket, self._link = socket, link
+    def __init__(self, socket: web.WebSocketResponse, link: TrackerLink, folder: Path) -> None:
+        self._socket, self._link, self._folder = socket, link, folder
         self._news = asyncio.Event()
         self._shown = asyncio.Event()
         self._shown.set()
@@ -83,7 +84,8 @@ class Viewer:
                 continue
             try:
                 await self._do(json.loads(message.data))
-            except (KeyError, TypeError, ValueError, OverflowError, TimeoutError) as error:
+            except (KeyError, TypeError, ValueError, OverflowError, OSError,
+                    ModuleNotFoundError) as error:
                 await self.tell(f'refused: {error}', wrong=True)
 
     async def follow_node(self) -> None:
@@ -118,6 +120,8 @@ class Viewer:
             self._link.select_point(_stamp(asked), float(asked['x']), float(asked['y']))
         elif do == 'particles':
             self._link.want_particles(bool(asked['on']))
+        elif do == 'record':
+            await self.tell(await self._link.record(self._folder if asked['on'] else None))
         elif do in ('reset', 'reinit', 'enable'):
             fields = {'data': bool(asked['on'])} if do == 'enable' else {}
             answer = await self._link.ask(do, **fields)
@@ -132,8 +136,12 @@ class Viewer:
             raise ValueError(f'unknown request {do!r}')
 
 
-async def serve(target: str, host: str, port: int, token: str) -> None:
-    """Serve the page of a tracking node until SIGINT or SIGTERM; OSError if the port is taken."""
+async def serve(target: str, host: str, port: int, token: str, folder: Path) -> None:
+    """
+    Serve the page of a tracking node until SIGINT or SIGTERM; OSError if the port is taken.
+
+    Recordings go into the folder.
+    """
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -160,7 +168,7 @@ async def serve(target: str, host: str, port: int, token: str) -> None:
     async def viewing(request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=20.0)
         await socket.prepare(request)
-        viewer = Viewer(socket, link)
+        viewer = Viewer(socket, link, folder)
         viewers.add(viewer)
         link.watch(True)
         tasks = [loop.create_task(viewer.send_pictures()),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from pathlib import Path
 import threading
 from typing import Any
 
@@ -78,6 +79,25 @@ class TrackerLink:
         """Receive particles with the images, or no longer."""
         self._observer.wanted = on
         self._executor.create_task(self._observer.look)
+
+    async def record(self, folder: Path | None) -> str:
+        """
+        Begin a bag of what is watched, in a folder, or with None complete it; say what was done.
+
+        BagError if it can't be written, ModuleNotFoundError without rosbags.
+        """
+        done: asyncio.Future[str] = self._loop.create_future()
+
+        def work() -> None:
+            try:
+                text = (self._observer.finish_recording() if folder is None else
+                        self._observer.record(folder))
+            except (OSError, ValueError, ModuleNotFoundError) as error:
+                self._loop.call_soon_threadsafe(done.set_exception, error)
+            else:
+                self._loop.call_soon_threadsafe(done.set_result, text)
+        self._executor.create_task(work)
+        return await asyncio.wait_for(done, PATIENCE)
 
     def select_box(self, stamp: int, box: Box) -> None:
         """Point out the target as a box on the image of a stamp [ns]; errors as `ask`."""

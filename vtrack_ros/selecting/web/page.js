@@ -54,6 +54,7 @@ function show(image, message) {
   draw();
   tellState(message.state);
   plot(message);
+  $('record').textContent = message.recording ? 'Stop recording' : 'Record';
   ask({do: 'shown'});
 }
 
@@ -195,6 +196,7 @@ function endDrag() {
 }
 
 $('reset').onclick = () => ask({do: 'reset'});
+$('record').onclick = () => ask({do: 'record', on: !(header && header.recording)});
 $('reinit').onclick = () => ask({do: 'reinit'});
 $('pause').onclick = () => ask({do: 'enable', on: paused});
 
