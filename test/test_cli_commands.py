@@ -65,6 +65,18 @@ def test_help_needs_no_heavy_import():
     assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
 
 
+def test_one_thread():
+    """Commands compute as the node does, in one thread, before NumPy is loaded."""
+    code = ('import os; from vtrack_ros.cli.command_line import main; main(["synth", "--list"]); '
+            'from threadpoolctl import threadpool_info; '
+            'print({pool["num_threads"] for pool in threadpool_info() '
+            'if pool["user_api"] == "blas"})')
+    environment = {name: value for name, value in os.environ.items() if 'THREADS' not in name}
+    run = subprocess.run([sys.executable, '-c', code], env=environment, capture_output=True,
+                         text=True, check=True)
+    assert run.stdout.splitlines()[-1] == '{1}'
+
+
 def test_the_node_needs_none_of_the_tools():
     """What it imports holds neither the tools nor the libraries that they alone use."""
     code = 'import sys; import vtrack_ros.ros.main, vtrack_ros.ros.lifecycle; print(*sys.modules)'

@@ -47,6 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Ctrl-C.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    # As the node has it: on a busy machine threads that wait for one another take far longer.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     if '_ARGCOMPLETE' in os.environ:
         _complete(os.environ.get('COMP_LINE', ''))
     try:
