@@ -1,4 +1,4 @@
-"""Whether the target is present: judged from its similarity in a few frames."""
+"""Whether the target is present: judged from its similarity and a sharp response."""
 
 from __future__ import annotations
 
@@ -10,48 +10,40 @@ from vtrack_ros.localisation.presence import (
 from vtrack_ros.tracker import TrackState
 
 
-@pytest.mark.parametrize('similarity', [-1000.0, -20.0, 0.0, 20.0, 1000.0])
-def test_confidence_is_a_share_whatever_the_similarity(similarity):
-    """A place that speaks wildly for or against the target counts no more than a clear one."""
+@pytest.mark.parametrize('similarity', [-1000.0, 0.0, 0.3, 1.0])
+@pytest.mark.parametrize('sharpness', [-5.0, 0.0, 6.0, 40.0])
+def test_confidence_is_a_share_whatever_the_evidence(similarity, sharpness):
+    """What speaks wildly for or against the target is a probability all the same."""
     presence = PresenceDetector()
-    for _ in range(10):
-        presence.judge(similarity, 0.3, 1.0)
-        assert 0 <= presence.confidence <= 1
-    assert presence.confidence == pytest.approx(float(similarity > 0), abs=0.02)
-    for _ in range(3):
-        presence.judge(0.0 if similarity > 0 else 0.3, 0.3, 1.0)
-    assert presence.confidence == pytest.approx(float(similarity <= 0), abs=0.1)
+    presence.judge(similarity, sharpness, 1.0)
+    assert 0 <= presence.confidence <= 1
 
 
-def test_absence_is_counted_in_frames_and_not_from_one_bad_frame():
-    """One bad frame among good ones is none; the second one is; another place begins anew."""
+def test_absence_is_told_at_once_and_counted_in_frames():
+    """It's said in the frame itself, as is that the target is there again."""
     presence = PresenceDetector()
-    assert presence.unseen_frames == 0
-    presence.judge(0.0, 0.3, 1.0)
-    assert presence.unseen_frames == 0
-    for _ in range(5):
-        presence.judge(0.3, 0.3, 1.0)
-    assert presence.unseen_frames == 0 and presence.confidence > 0.9
-    presence.judge(0.0, 0.3, 1.0)
-    presence.judge(0.0, 0.3, 2.0)
-    presence.judge(0.0, 0.3, 3.0)
-    assert presence.unseen_frames == 5 and presence.confidence < 0.2
-    presence.judge(0.3, 0.3, 1.0, elsewhere=True)
-    assert presence.unseen_frames == 0 and presence.confidence > 0.9
-    # the margin is the new place's alone, and no case is clearer than 0.1
+    assert presence.unseen_frames == 0 and presence.confidence > 0.95
+    presence.judge(0.05, 2.5, 1.0)
+    presence.judge(0.05, 2.5, 2.0)
+    assert presence.unseen_frames == 3 and presence.confidence < 0.2
+    presence.judge(0.3, 6.0, 1.0)
+    assert presence.unseen_frames == 0 and presence.confidence > 0.7
+    # of the same evidence elsewhere nothing is left of that here
+    presence.judge(0.05, 2.5, 1.0)
+    presence.judge(0.3, 6.0, 1.0, elsewhere=True)
     anew = PresenceDetector()
-    assert presence.confidence == anew.confidence
-    anew.judge(0.3, 0.3, 1.0)
-    assert presence.confidence == anew.confidence == logistic(0.1 / 0.02)
+    anew.judge(0.3, 6.0, 1.0, elsewhere=True)
+    assert presence.confidence == anew.confidence > 0.95
 
 
-def test_what_is_plain_to_see_has_to_be_plain():
-    """A similarity that's enough for a target of which little is known isn't for a clear one."""
-    faint, plain = PresenceDetector(), PresenceDetector()
-    for _ in range(5):
-        faint.judge(0.1, 0.2, 1.0)
-        plain.judge(0.1, 0.75, 1.0)
-    assert faint.confidence > 0.5 > plain.confidence
+def test_similarity_and_sharpness_make_up_for_one_another():
+    """A target that has turned is known by its sharp response, a blurred one by its look."""
+    def confidence(similarity, sharpness):
+        presence = PresenceDetector()
+        presence.judge(similarity, sharpness, 1.0, elsewhere=True)
+        return presence.confidence
+    assert confidence(0.09, 6.0) > 0.5 > confidence(0.09, 3.0)
+    assert confidence(0.25, 3.0) > 0.5 > confidence(0.05, 6.0)
 
 
 def test_the_logistic_function():

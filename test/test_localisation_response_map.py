@@ -64,3 +64,16 @@ def test_the_highest_at_the_border_is_at_its_cell():
     values[0, 5] = 1
     found = response(values)
     assert (found.peak, found.center) == (1.0, place(5 - COLUMNS // 2, -ROWS // 2))
+
+
+def test_sharpness_is_the_peak_to_sidelobe_ratio():
+    """The highest response less the others' mean, in their deviations, its own peak left out."""
+    values = np.random.default_rng(1).normal(0.1, 0.05, (ROWS, COLUMNS)).astype(np.float32)
+    values[6:11, :4] = 0.8
+    values[8, 1] = 0.9
+    away = np.ones(values.shape, bool)
+    away[5:12, :5] = False
+    sidelobe = values[away].astype(float)
+    assert response(values).sharpness == pytest.approx(
+        (0.9 - sidelobe.mean()) / sidelobe.std(), rel=1e-4)
+    assert response(np.zeros_like(values)).sharpness == 0

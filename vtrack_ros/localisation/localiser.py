@@ -115,17 +115,18 @@ class Localiser:
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame))
-        elsewhere = False
+        elsewhere, sharpness = False, response.sharpness
         if self._failure is None:
             self._judge(before, response.peak, dt)
         else:
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, search)
             self._live, self._similarity = verdict.live, verdict.similarity
-            elsewhere = verdict.elsewhere
+            if verdict.elsewhere:
+                elsewhere, sharpness = True, verdict.sharpness
             if verdict.over:
                 self._failure = None
-        self._presence.judge(self._similarity, self._live.usual_similarity, dt, elsewhere)
+        self._presence.judge(self._similarity, sharpness, dt, elsewhere)
         return elsewhere
 
     def move_to(self, center: Point) -> None:

@@ -28,6 +28,8 @@ _WORTH_VERIFYING = 0.5
 _EXTRAPOLATED_FRAMES = 60
 #: By which factor the size of a target may change that isn't certain.
 _DRIFT = 1.5
+#: No place, its similarity and sharpness.
+_NOTHING = (0.0, 0.0), -np.inf, 0.0
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,15 @@ class Verdict:
     """
     What one more frame of a search says: what to go on with, and how similar its place is.
 
-    `over` tells whether the failure is over, `elsewhere` whether another place ended it.
+    `over` tells whether the failure is over, `elsewhere` whether another place ended it, where the
+    response has that sharpness.
     """
 
     live: TargetSnapshot
     similarity: float
     over: bool = False
     elsewhere: bool = False
+    sharpness: float = 0.0
 
 
 class Redetection:
@@ -89,19 +93,19 @@ class Redetection:
             return Verdict(replace(live, usual_similarity=similarity), similarity, over=True)
         if self._trusted_frames >= _TRUSTED_FRAMES:
             return Verdict(live, similarity, over=True)
-        place, found = self._best_place(frame, live.center) if search else (live.center, -np.inf)
+        place, found, sharpness = self._best_place(frame, live.center) if search else _NOTHING
         if found < max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN)):
             return Verdict(live, similarity)
         self._jump_frames += 1
         plausible = similarity >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
         if plausible and self._jump_frames < _JUMP_FRAMES:
             return Verdict(live, similarity)
-        return Verdict(replace(self._snapshot, center=place), found, over=True, elsewhere=True)
+        return Verdict(replace(self._snapshot, center=place), found, over=True,
+                       elsewhere=True, sharpness=sharpness)
 
-    def _best_place(self, frame: Frame, live: Point) -> tuple[Point, float]:
-        """Return the best verified place and its similarity; -inf where there is none."""
-        snapshot = self._snapshot
-        best, highest = live, -np.inf
+    def _best_place(self, frame: Frame, live: Point) -> tuple[Point, float, float]:
+        """Return the best verified place, its similarity and sharpness; -inf where none is."""
+        snapshot, best = self._snapshot, _NOTHING
         for place in self._places(frame):
             response = snapshot.localise(frame, place)
             if response.peak < _WORTH_VERIFYING * snapshot.usual_response:
@@ -113,9 +117,9 @@ class Redetection:
             window = snapshot.model.layout.window(frame, center, snapshot.size)
             similarity = snapshot.model.credibility(
                 self._template.similarity(window), response, center)
-            if similarity > highest:
-                best, highest = center, similarity
-        return best, highest
+            if similarity > best[1]:
+                best = center, similarity, response.sharpness
+        return best
 
     def _places(self, frame: Frame) -> list[Point]:
         """Return the places to search in this frame."""

@@ -25,6 +25,8 @@ COARSE, FINE = 22 * 22, 28 * 28
 _CONTEXT = 1.5
 #: A place with less than this share of a window's highest response is a lesser maximum.
 _LEVEL = 0.95
+#: Cells about the highest response that belong to its peak; the least variance of the others.
+_PEAK, _LEAST_VARIANCE = 3, 1e-9
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,25 @@ class ResponseMap:
         """Return the highest response."""
         column, row = self.highest
         return self.values.item(row, column)
+
+    @cached_property
+    def sharpness(self) -> float:
+        """
+        Return the peak-to-sidelobe ratio [Bolme2010].
+
+        By how many standard deviations the highest response is above the mean of those more than
+        three cells from it; 0 where there are none.
+        """
+        column, row = self.highest
+        values = self.values
+        near = values[max(0, row - _PEAK):row + _PEAK + 1,
+                      max(0, column - _PEAK):column + _PEAK + 1]
+        count = values.size - near.size
+        if not count:
+            return 0.0
+        mean = (float(values.sum()) - float(near.sum())) / count
+        squares = float(np.einsum('ij,ij', values, values) - np.einsum('ij,ij', near, near))
+        return (self.peak - mean) / math.sqrt(max(squares / count - mean**2, _LEAST_VARIANCE))
 
     @cached_property
     def center(self) -> Point:
