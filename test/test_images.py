@@ -263,6 +263,14 @@ def test_a_small_message_cannot_claim_a_huge_image():
             compressed_to_frame(SimpleNamespace(format=kind, data=bytes(data)))
 
 
+def test_a_chunk_cannot_be_longer_than_its_image():
+    """Nobody makes room for a PNG's chunk that isn't there."""
+    data = bytearray(cv2.imencode('.png', np.zeros((16, 16, 3), np.uint8))[1].tobytes())
+    data[33:37] = b'\x7f\xff\xff\xff'
+    with pytest.raises(ValueError, match='nor a whole png'):
+        compressed_to_frame(SimpleNamespace(format='png', data=bytes(data)))
+
+
 def test_a_blank_image_is_read():
     """However well it is compressed, of one bit a pixel too."""
     blank = np.zeros((4000, 4000), np.uint8)

@@ -31,6 +31,15 @@ def checked_size(data: bytes) -> tuple[int, int]:
 def _png_size(data: bytes) -> tuple[int, int] | None:
     if len(data) < 24 or data[12:16] != b'IHDR':
         return None
+    # A decoder makes room for a chunk of the length that it says, too.
+    at, kind = len(_PNG), b''
+    while kind != b'IEND':
+        if at + 12 > len(data):
+            return None
+        length, kind = struct.unpack_from('>I4s', data, at)
+        at += 12 + length
+        if at > len(data):
+            return None
     width, height = struct.unpack_from('>II', data, 16)
     return width, height
 
