@@ -74,6 +74,23 @@ def test_a_target_that_was_given_up_stays_so(tmp_path, scene):
             client.until(lambda: not path.exists(), 'the file is taken away')
 
 
+def test_a_full_disk_is_told_once(tmp_path, scene):
+    """The target is tracked all the same, and what was saved before stays."""
+    path = tmp_path / 'target.json'
+    limit = 'import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))'
+    with NodeProcess(prelude=limit, state_file=path,
+                     init_box=box_parameter(scene.box(0))) as process, Client() as client:
+        client.ready()
+        for index in range(1000):
+            told = 'could not be written' in process.log
+            assert client.send(scene.frame(index), START + STEP * index).detections
+            if told:
+                break
+            time.sleep(0.03)
+    assert process.log.count('could not be written') == 1
+    assert os.listdir(tmp_path) == []
+
+
 def test_what_cannot_be_used_is_refused_once(tmp_path, scene):
     """A damaged file makes way for the next target; what isn't the node's is left alone."""
     damaged, foreign = tmp_path / 'damaged.json', tmp_path / 'foreign.yaml'

@@ -139,10 +139,14 @@ class StateFile:
 def _write(path: Path, text: str) -> None:
     """Write a file as a whole, or leave it as it is, even if the power fails."""
     beside = path.with_name(f'{path.name}.tmp')
-    with open(beside, 'w', encoding='ascii') as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
+    try:
+        with open(beside, 'w', encoding='ascii') as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError:
+        beside.unlink(missing_ok=True)
+        raise
     os.replace(beside, path)
     folder = os.open(path.parent, os.O_RDONLY)
     try:

@@ -1,0 +1,93 @@
+"""What the node may do is what its policy says; and nothing that arrives is ever executed."""
+
+import ast
+from importlib.util import find_spec
+import xml.etree.ElementTree as ElementTree
+
+from node_harness import Client, NodeProcess
+import pytest
+
+#: What runs, or may run, what it's given.
+DANGEROUS_CALLS = {'eval', 'exec', 'compile', '__import__', 'os.system', 'os.popen', 'yaml.load',
+                   'yaml.load_all', 'yaml.full_load', 'yaml.unsafe_load', 'joblib.load'}
+DANGEROUS_MODULES = {'pickle', 'cPickle', 'dill', 'cloudpickle', 'marshal', 'shelve', 'code'}
+
+
+def allowed(repository, namespace):
+    """Return the names that the policy allows a node of a namespace, by what for."""
+    root = ElementTree.parse(repository / 'config' / 'tracker.policy.xml').getroot()
+    profile, = root.iter('profile')
+    assert (profile.get('ns'), profile.get('node')) == ('/', 'tracker')
+    found = {}
+    for group in profile:
+        (what, rule), = group.attrib.items()
+        assert rule == 'ALLOW'
+        found[what] = {_resolved(one.text, namespace) for one in group}
+    return found
+
+
+def _resolved(name, namespace):
+    if name.startswith('/'):
+        return name
+    return name.replace('~', f'{namespace}/tracker', 1) if name[0] == '~' else (
+        f'{namespace}/{name}')
+
+
+def test_policy_is_what_the_nodes_do(repository):
+    """The plain and the managed one, with all that parameters may add, use it all and no more."""
+    used = {'subscribe': set(), 'publish': set(), 'reply': set()}
+    settings = {'init_from_detections': True, 'target_frame': 'target', 'use_sim_time': True}
+    with NodeProcess('-r', '__ns:=/robot', **settings), Client('/robot/tracker') as client:
+        client.ready()
+        look(client, used)
+    with NodeProcess('-r', '__ns:=/robot', '-r', '__node:=tracker', entry='lifecycle_main',
+                     image_transport='compressed', **settings), (
+            Client('/robot/tracker', publish=None)) as client:
+        from lifecycle_msgs.srv import ChangeState
+        assert client.parameters.wait_for_services(20)
+        for transition in (1, 3):
+            request = ChangeState.Request()
+            request.transition.id = transition
+            caller = client.node.create_client(ChangeState, '/robot/tracker/change_state')
+            assert caller.wait_for_service(20)
+            assert client.call(caller.call_async(request)).success
+        client.until(lambda: client.node.count_subscribers('/robot/image/compressed'), 'no input')
+        look(client, used)
+    # Where there's no package for it, there's no transform.
+    missing = {'/tf'} if find_spec('tf2_msgs') is None else set()
+    for what, names in allowed(repository, '/robot').items():
+        assert sorted(used[what]) == sorted(names - missing)
+
+
+def look(client, used):
+    """Add what the node `/robot/tracker` uses, as everyone can see."""
+    node = client.node
+    for what, names in (('subscribe', node.get_subscriber_names_and_types_by_node),
+                        ('publish', node.get_publisher_names_and_types_by_node),
+                        ('reply', node.get_service_names_and_types_by_node)):
+        used[what] |= {name for name, _ in names('tracker', '/robot')}
+
+
+@pytest.mark.lint
+def test_nothing_is_executed(repository):
+    """No code of the package evaluates text, or reads a format that can hold code."""
+    found = []
+    for path in sorted([*(repository / 'vtrack_ros').rglob('*.py'),
+                        *(repository / 'launch').glob('*.py')]):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            for word in dangers(node):
+                found.append(f'{path.relative_to(repository)}:{node.lineno}: {word}')
+    assert found == []
+
+
+def dangers(node):
+    """Return what is dangerous of a piece of code."""
+    if isinstance(node, (ast.Import, ast.ImportFrom)):
+        names = [alias.name for alias in node.names]
+        names += [node.module or ''] if isinstance(node, ast.ImportFrom) else []
+        return [name for name in names if name.partition('.')[0] in DANGEROUS_MODULES]
+    if not isinstance(node, ast.Call):
+        return []
+    name = ast.unparse(node.func)
+    return [name] * (name in DANGEROUS_CALLS) + [
+        f'{name}({one.arg}=...)' for one in node.keywords if one.arg in ('shell', 'allow_pickle')]
