@@ -3,8 +3,14 @@
 from vtrack_ros.appearance.siamese_network import check_backbone, check_head
 from vtrack_ros.parameters import Parameter, ParameterTable
 
+#: Of everything that localises a target.
+PRESENCE = ParameterTable([
+    Parameter('confidence_threshold', 0.5, 'Least confidence with which the target counts as '
+              'seen, and its pose is published: more of it means fewer wrong boxes, and more '
+              'frames without one.', 0.01, 0.99),
+])
 #: Of every filter on top of a localiser.
-LOCALISER = ParameterTable([
+LOCALISER = PRESENCE + ParameterTable([
     Parameter('localiser', 'dcf', 'What answers where the target is: correlation filters that '
               'learn it, or a Siamese network, whose two files are needed (docs/localisers.md); '
               'changing it keeps the target.', choices=('dcf', 'siamese')),

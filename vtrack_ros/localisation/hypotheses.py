@@ -156,6 +156,11 @@ class Hypotheses:
             self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
         return self._decide() or elsewhere
 
+    def require(self, confidence: float) -> None:
+        """Count the target as seen from this confidence on."""
+        for each in (self._leader, self._other):
+            each.require(confidence)
+
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
         x, y = np.subtract(center, self.center).tolist()

@@ -129,6 +129,10 @@ class Localiser:
         self._presence.judge(self._similarity, sharpness, dt, elsewhere)
         return elsewhere
 
+    def require(self, confidence: float) -> None:
+        """Count the target as seen from this confidence on."""
+        self._presence.threshold = confidence
+
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
         self._live = replace(self._live, center=center)

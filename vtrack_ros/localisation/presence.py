@@ -113,6 +113,8 @@ class PresenceDetector:
 
     def __init__(self) -> None:
         self._evidence = _CLEAR
+        self.threshold = 0.5
+        """The confidence from which on the target counts as seen."""
         self.unseen_frames = 0.0
         """For so many frames the target hasn't been seen; 0 if it was in the last one."""
 
@@ -133,7 +135,8 @@ class PresenceDetector:
                     + _INTERCEPT)
         before = min(max(self._evidence, -_CLEAR), _CLEAR)
         self._evidence = before + (1.0 if elsewhere else _EVIDENCE_RATE) * (evidence - before)
-        self.unseen_frames = 0.0 if self._evidence >= 0 else self.unseen_frames + dt
+        seen = self.confidence >= self.threshold
+        self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
 
 
 def logistic(value: float) -> float:

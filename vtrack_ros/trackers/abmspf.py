@@ -55,7 +55,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
             np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        self._switch()
+        self._adjust()
         localiser, values = self._localiser, self._parameters
         before = localiser.center
         step = dt * float(values['inertia']) * self._velocity

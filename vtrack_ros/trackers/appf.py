@@ -82,7 +82,7 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         return self._estimate(np.full(count, 1 / count))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        self._switch()
+        self._adjust()
         values, particles = self._parameters, self._particles
         response = self._upright.localise(frame, float(affine.angle(self._state)))
         weights = self._weigh(frame, dt, response)

@@ -5,7 +5,7 @@ import numpy as np
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser
-from vtrack_ros.parameters import ParameterTable
+from vtrack_ros.localisation.filter_parameters import PRESENCE
 from vtrack_ros.tracker import Estimate, Tracker
 
 
@@ -18,16 +18,17 @@ class CorrelationTracker(Tracker):
 
     NAME = 'dcf'
     SUMMARY = 'discriminative correlation filter without particles (DCF)'
-    PARAMETERS = ParameterTable([])
+    PARAMETERS = PRESENCE
 
     def _configure(self) -> None:
-        """Nothing depends on parameters."""
+        """Parameters are read where they're used."""
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
         return self._localiser.estimate(np.zeros((4, 4)))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
+        self._localiser.require(float(self._parameters['confidence_threshold']))
         response = self._localiser.localise(frame, self._localiser.center)
         self._localiser.update(frame, response, response.center, dt)
         return self._localiser.estimate(np.zeros((4, 4)))

@@ -34,7 +34,8 @@ class LocalisedTracker(Tracker):
         self._localiser = Hypotheses(
             frame, box.center, (box.width, box.height), self._rng, self._network)
 
-    def _switch(self) -> None:
-        """Put another localiser in force, if the parameters say so."""
+    def _adjust(self) -> None:
+        """Put in force what the parameters say of the localiser."""
         if self._localiser.network is not self._network:
             self._localiser.use(self._network)
+        self._localiser.require(float(self._parameters['confidence_threshold']))

@@ -76,7 +76,7 @@ class ParticleTracker(LocalisedTracker):
             np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        self._switch()
+        self._adjust()
         self._adapt()
         localiser = self._localiser
         found = self._search.search(frame, dt, self._forecast(dt))
