@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-import re
-import shlex
-
 from conftest import REPOSITORY
+from documented_commands import commands, EXECUTABLES, OTHERS, PAGES
 import pytest
 import sensor_msgs.msg
 from vtrack_ros.cli.command_line import command_parser, negative_values
@@ -16,34 +12,6 @@ from vtrack_ros.evaluation.tracker_specification import parse_trackers
 from vtrack_ros.ros.parameter_node import checked_init_box, parameter_table
 from vtrack_ros.scenes import scene_names
 import yaml
-
-EXECUTABLES = ('tracker', 'tracker_lifecycle', 'vtrack')
-#: Others' programs, which these tests leave to their own.
-OTHERS = ('cd', 'colcon', 'dask', 'export', 'git', 'pip', 'rosdep', 'source')
-PAGES = [page for page in (*REPOSITORY.glob('*.md'), *(REPOSITORY / 'docs').rglob('*.md'))
-         if page.name != 'notebook.md']
-
-
-def lines(page: Path) -> Iterator[str]:
-    """Return the lines of a page's blocks that are no Python."""
-    language = None
-    for line in page.read_text().replace('\\\n', '').splitlines():
-        if line.startswith('```'):
-            language = line[3:] if language is None else None
-        elif language in ('', 'bash') or language is None and line.startswith('    '):
-            yield line.strip()
-
-
-def commands(page: Path) -> Iterator[list[str]]:
-    """Return the words of a page's commands; what isn't one has no known program."""
-    programs = '|'.join(map(re.escape, (*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3')))
-    for line in lines(page):
-        if re.match(rf'([A-Z_]+=\S+ )*(({programs}) |(\./)?scripts/|\.venv/bin/)', line):
-            words = shlex.split(line.partition(' > ')[0], comments=True)
-            while '=' in words[0]:
-                del words[0]
-            text = ' '.join(map(shlex.quote, words)).replace("'&&'", '\n').replace("'&'", '\n')
-            yield from filter(None, map(shlex.split, text.splitlines()))
 
 
 def check_vtrack(words: list[str]) -> None:
