@@ -51,7 +51,7 @@ def check_ros2(verb: str, words: list[str]) -> None:
         assert package == 'sensor_msgs'
         getattr(sensor_msgs.msg, kind)(**yaml.safe_load(words[-1]))
     else:
-        assert verb in ('run', 'param', 'pkg', 'topic', 'launch'), verb
+        assert verb in ('run', 'param', 'pkg', 'topic', 'launch', 'security'), verb
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
