@@ -19,9 +19,9 @@ from result_files import write_json
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, parse_trackers, Results
 from vtrack_ros.evaluation.cache import default_folder, RunCache
-from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.table import markdown, number_text, summary_table, TITLES
+from vtrack_ros.trackers import available_peers
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Mean AUC over the sixteen targets by an outside harness with OpenCV 5.0, and how near is right.
@@ -34,7 +34,7 @@ COLUMNS = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures'
 def main(argv: list[str] | None = None) -> int:
     """Evaluate, write the results and check the references."""
     arguments = _arguments(argv)
-    if not {'opencv_csrt', 'opencv_kcf'} <= set(PEERS):
+    if not {'opencv_csrt', 'opencv_kcf'} <= set(available_peers()):
         print('this OpenCV has neither CSRT nor KCF; run it as\n'
               '  scripts/peers --python benchmarks/sequences.py', file=sys.stderr)
         return 2

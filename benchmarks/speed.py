@@ -26,12 +26,12 @@ from result_files import write_json
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecification
 from vtrack_ros.evaluation.charts import colour, svg
-from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import one_thread
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import available_peers
 
 ROOT = Path(__file__).resolve().parents[1]
 BESIDE = ('opencv_csrt', 'opencv_kcf')
@@ -153,7 +153,7 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
 def main(argv: list[str] | None = None) -> int:
     """Measure and write the results."""
     arguments = _arguments(argv)
-    missing = set(BESIDE) - set(PEERS)
+    missing = set(BESIDE) - set(available_peers())
     if missing:
         print('this OpenCV has neither CSRT nor KCF; run it as\n'
               '  scripts/peers --python benchmarks/speed.py', file=sys.stderr)

@@ -37,7 +37,7 @@ class Estimate:
         The rotation since the start about the optical axis (x right, y down, z forward), so
         clockwise is positive as one looks at the image.
     covariance : ndarray, shape (4, 4), [px^2]
-        Of (centre x, centre y, width, height).
+        Of (centre x, centre y, width, height); NaN: unknown.
     confidence : float
         In [0, 1]: how sure the tracker is that the box is on the target.
     state : TrackState

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import sample_window
 from vtrack_ros.frame import Frame, Point
 
 #: Sides of the target's image and of the one that's searched, in samples, as NanoTrack has them.
@@ -23,6 +23,40 @@ _TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 
 #: Features of an image, float32, shape (1, channels, rows, columns).
 Blob = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Square:
+    """A part of a frame, in whole pixels: every OpenCV samples those in the same way."""
+
+    left: int
+    top: int
+    side: int
+
+    @classmethod
+    def about(cls, center: Point, side: float) -> Square:
+        """Return the square next to one of that centre and side, in pixels."""
+        whole = max(1, round(side))
+        return cls(round(center[0] - whole / 2), round(center[1] - whole / 2), whole)
+
+    def sampled(self, frame: Frame, samples: int) -> Frame:
+        """Return so many samples along each side of it; the frame's border repeats."""
+        part, scale = frame, samples / self.side
+        counts, margins = [], []
+        for axis, start in enumerate((self.top, self.left)):
+            length = frame.shape[axis]
+            first = min(max(start, 0), length - 1)
+            last = min(max(start + self.side, first + 1), length)
+            part = part[first:last] if axis == 0 else part[:, first:last]
+            counts.append(min(max(1, round((last - first) * scale)), samples))
+            margins.append(min(max(0, round((first - start) * scale)), samples - counts[axis]))
+        (rows, columns), (above, left) = counts, margins
+        result: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        if rows < samples or columns < samples:
+            result = cv2.copyMakeBorder(
+                result, above, samples - rows - above, left, samples - columns - left,
+                cv2.BORDER_REPLICATE)
+        return result
 
 
 class SiameseNetwork:
@@ -46,7 +80,7 @@ class SiameseNetwork:
 
     def learn(self, frame: Frame, center: Point, size: Point) -> Blob:
         """Return the features of a target in a frame, centre and size in pixels."""
-        return self._described(frame, center, exemplar_side(size), EXEMPLAR)
+        return self._described(Square.about(center, exemplar_side(size)), frame, EXEMPLAR)
 
     def search(self, target: Blob, frame: Frame, center: Point,
                side: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -54,20 +88,24 @@ class SiameseNetwork:
         Return where a target is in a square of a frame, centre and side in pixels.
 
         The log-odds of its presence in each place, shape (16, 16), and its box there, shape
-        (4, 16, 16): centre x and y from the square's centre, width and height, in pixels.
+        (4, 16, 16): centre x and y, width and height, in pixels.
         """
+        square = Square.about(center, side)
         self._head.setInput(target, _TEMPLATE)
-        self._head.setInput(self._described(frame, center, side, SEARCHED), _PLACE)
+        self._head.setInput(self._described(square, frame, SEARCHED), _PLACE)
         logits, sides = (
             output[0].astype(np.float64) for output in self._head.forward([_SCORES, _SIDES]))
         left, top, right, bottom = sides
         at = STRIDE * (np.arange(PLACES) - PLACES // 2)
         boxes = np.stack([at + (right - left) / 2, at[:, None] + (bottom - top) / 2,
                           left + right, top + bottom])
-        return logits[1] - logits[0], side / SEARCHED * boxes
+        boxes *= square.side / SEARCHED
+        boxes[0] += square.left + square.side / 2
+        boxes[1] += square.top + square.side / 2
+        return logits[1] - logits[0], boxes
 
-    def _described(self, frame: Frame, center: Point, side: float, samples: int) -> Blob:
-        pixels = sample_window(frame, center, (side, side), (samples, samples))
+    def _described(self, square: Square, frame: Frame, samples: int) -> Blob:
+        pixels = square.sampled(frame, samples)
         if pixels.ndim == 2:
             pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
         self._backbone.setInput(cv2.dnn.blobFromImage(pixels))
@@ -80,6 +118,12 @@ def exemplar_side(size: Point) -> float:
     """Return the side of the square that shows a target, (width, height), with surroundings."""
     context = _CONTEXT * (size[0] + size[1])
     return float(np.sqrt((size[0] + context) * (size[1] + context)))
+
+
+def check_network(path: str) -> None:
+    """Raise a ValueError unless a path is empty, or that of a network that OpenCV can read."""
+    if path:
+        _read(path)
 
 
 def check_backbone(path: str) -> None:

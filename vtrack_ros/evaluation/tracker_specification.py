@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from vtrack_ros.evaluation.peers import PEERS
 from vtrack_ros.parameters import Value
-from vtrack_ros.trackers import Tracker, tracker_class, tracker_names
+from vtrack_ros.trackers import available_peers, Tracker, tracker_class, tracker_names
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class TrackerSpecification:
     @property
     def tracker_class(self) -> type[Tracker]:
         """Return the class of the tracker."""
-        return _class(self.name)
+        return tracker_class(self.name)
 
     @property
     def deterministic(self) -> bool:
@@ -39,7 +38,7 @@ def parse_tracker(text: str) -> TrackerSpecification:
     """Return what `name` or `name:parameter=value,...` spells; ValueError if that's nothing."""
     label = text.strip()
     name, _, rest = label.partition(':')
-    cls = _class(name)
+    cls = tracker_class(name)
     parameters: dict[str, Value] = {}
     for part in filter(None, rest.split(',')):
         key, equals, value = (piece.strip() for piece in part.partition('='))
@@ -48,7 +47,10 @@ def parse_tracker(text: str) -> TrackerSpecification:
         if key not in cls.PARAMETERS:
             cls.PARAMETERS.checked({key: value}, name)
         parameters[key] = cls.PARAMETERS[key].parsed(value)
-    return TrackerSpecification(label, name, tuple(sorted(parameters.items())))
+    result = TrackerSpecification(label, name, tuple(sorted(parameters.items())))
+    # what it can't be made with, or without, is said now
+    result.create(0)
+    return result
 
 
 def parse_trackers(text: str) -> list[TrackerSpecification]:
@@ -63,7 +65,8 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
     own = tracker_names(replicas=False)
     groups: dict[str, Callable[[], tuple[str, ...]]] = {
         'all': lambda: own, 'peers': _available_peers,
-        'papers': lambda: tuple(name for name in tracker_names() if name not in own)}
+        'papers': lambda: tuple(
+            name for name in tracker_names(installed=False) if name.endswith('_paper'))}
     pieces: list[str] = []
     for part in filter(None, (part.strip() for part in text.split(','))):
         if '=' in part and ':' not in part and pieces:
@@ -71,7 +74,7 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
         else:
             pieces.extend(groups[part]() if part in groups else [part])
     if not pieces:
-        raise ValueError('no tracker is named; valid are ' + ', '.join(_names()))
+        raise ValueError('no tracker is named; valid are ' + ', '.join(tracker_names()))
     return specifications(dict.fromkeys(pieces))
 
 
@@ -82,23 +85,8 @@ def specifications(
 
 
 def _available_peers() -> tuple[str, ...]:
-    if not PEERS:
+    peers = available_peers()
+    if not peers:
         raise ValueError(
             'this OpenCV has none of the peers; scripts/peers runs with one that has them')
-    return tuple(PEERS)
-
-
-def _names() -> tuple[str, ...]:
-    return (*tracker_names(), *PEERS)
-
-
-def _class(name: str) -> type[Tracker]:
-    if name in PEERS:
-        return PEERS[name]
-    if name.startswith('opencv_'):
-        raise ValueError(
-            f'{name!r} needs an OpenCV that has it, with its contrib modules (scripts/peers); '
-            'valid here are ' + ', '.join(_names()))
-    if name not in tracker_names():
-        raise ValueError(f'unknown tracker {name!r}; valid are ' + ', '.join(_names()))
-    return tracker_class(name)
+    return peers

@@ -125,7 +125,7 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
 
     Units are 'pixels', on the image, z = 0; 'ray', at depth 1 in the optical frame (x right, y
     down, z forward); 'metres', in the same frame; 'auto' for the best that can be had. None where
-    it can't be had in those.
+    it can't be had in those. A covariance of NaN, which is unknown, stays so.
     """
     sized = width > 0 or height > 0
     if units == 'auto':
@@ -151,7 +151,10 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
         return None
     total = depth * bend + np.outer(direction, change)
     covariance = total @ box_covariance @ total.T
-    return Position(point, covariance, units) if np.isfinite(covariance).all() else None
+    known = not np.isnan(box_covariance).any()
+    if not np.isfinite(covariance if known else total).all():
+        return None
+    return Position(point, covariance, units)
 
 
 def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:

@@ -96,7 +96,7 @@ class SiameseModel(TargetModel):
         levels = ((odds - _ELSEWHERE) / _RANGE).clip(0.0).ravel()
         strong = levels >= _SHARE * levels.max()
         boxes = found.reshape(4, -1).T[strong]
-        boxes[:, :2] += center + self.correction[:2] * boxes[:, 2:]
+        boxes[:, :2] += self.correction[:2] * boxes[:, 2:]
         boxes[:, 2:] *= self.correction[2:]
         return SiameseResponse.of(center, side, boxes, levels[strong])
 

@@ -43,11 +43,12 @@ def pose_with_covariance(types: Types, position: Sequence[float] | NDArray[np.fl
     """
     Return a geometry_msgs/msg/PoseWithCovariance, over (x, y, z, about x, about y, about z).
 
-    `covariance` (3, 3) is the position's; None: nothing is known, all is 0. No tracker estimates
-    how sure it is of the rotation: its variances are those of a uniform angle.
+    `covariance` (3, 3) is the position's; None or NaN: nothing is known, all is 0, as elsewhere in
+    ROS. No tracker estimates how sure it is of the rotation: its variances are those of a uniform
+    angle.
     """
     full = np.zeros((6, 6))
-    if covariance is not None:
+    if covariance is not None and np.isfinite(covariance).all():
         full[:3, :3] = covariance
         full[3:, 3:] = np.diag([UNKNOWN_ANGLE] * 3)
     return types['geometry_msgs/msg/PoseWithCovariance'](

@@ -93,12 +93,16 @@ def _page() -> str:
     lines = [_PAGE, '## The node', '', *_TABLE]
     lines += [_row(f'`{name}`', row) for name, row in NODE_PARAMETERS.items()]
     lines += [f'| `{INIT_BOX}` | `[]` | four numbers, or none | {INIT_BOX_DESCRIPTION} |', '']
-    replicas = [name for name in tracker_names(installed=False) if name not in _PRODUCT]
-    for title, trackers in ('The trackers', _PRODUCT), ("The papers' methods", replicas):
+    others = [name for name in tracker_names(installed=False) if name not in _PRODUCT]
+    opencv = [name for name in others if name.startswith('opencv_')]
+    for title, trackers in (
+            ('The trackers', _PRODUCT), ("OpenCV's trackers", opencv),
+            ("The papers' methods", [name for name in others if name not in opencv])):
         lines += [f'## {title}', '']
         lines += [f'- `{name}`: {tracker_class(name).SUMMARY}' for name in trackers]
-        lines += ['', 'Behind the name of each of the trackers, as in `'
-                  f'{trackers[0]}.particles`:', '', *_TABLE]
+        example = next(f'{name}.{row}' for name in trackers
+                       for row in tracker_class(name).PARAMETERS)
+        lines += ['', f'Behind the name of each of the trackers, as in `{example}`:', '', *_TABLE]
         owners: dict[Parameter, list[str]] = {}
         for name in trackers:
             for row in tracker_class(name).PARAMETERS.values():

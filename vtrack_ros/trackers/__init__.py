@@ -11,9 +11,10 @@ The trackers, behind one face.
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.tracker import Estimate, Tracker, TrackState
-from vtrack_ros.trackers.registry import create_tracker, tracker_class, tracker_names
+from vtrack_ros.trackers.registry import (
+    available_peers, create_tracker, tracker_class, tracker_names)
 
 __all__ = [
     'Box', 'Estimate', 'Frame', 'Tracker', 'TrackState',
-    'create_tracker', 'tracker_class', 'tracker_names',
+    'available_peers', 'create_tracker', 'tracker_class', 'tracker_names',
 ]

@@ -19,6 +19,7 @@ from vtrack_ros.tracker import Tracker
 from vtrack_ros.trackers.abmspf import MeanShiftParticleFilter
 from vtrack_ros.trackers.appf import AffineKeypointParticleFilter
 from vtrack_ros.trackers.dcf import CorrelationTracker
+from vtrack_ros.trackers.opencv_trackers import OPENCV_TRACKERS
 from vtrack_ros.trackers.particle_tracker import (
     GreyParticleFilter, PriorParticleFilter, PrunedQuadratureParticleFilter)
 
@@ -30,15 +31,25 @@ _PRODUCT: tuple[type[Tracker], ...] = (
     PriorParticleFilter,
     CorrelationTracker,
 )
-_OWN = {cls.NAME: cls for cls in (*_PRODUCT, *REPLICAS)}
+_OWN = {cls.NAME: cls for cls in (*_PRODUCT, *OPENCV_TRACKERS, *REPLICAS)}
 #: The group of entry points in which other packages name their trackers.
 GROUP = 'vtrack_ros.trackers'
 
 
 def tracker_names(replicas: bool = True, installed: bool = True) -> tuple[str, ...]:
-    """Return the names of all trackers, or leave out the papers' replicas, or other packages'."""
+    """
+    Return the names of all trackers.
+
+    Without `replicas` those are left out that are there to compare with: the papers' and OpenCV's,
+    whether the installed OpenCV has them or not; else other packages'.
+    """
     return (*(cls.NAME for cls in _PRODUCT), *(_installed() if installed else ()),
-            *(cls.NAME for cls in REPLICAS if replicas))
+            *(cls.NAME for cls in (*OPENCV_TRACKERS, *REPLICAS) if replicas))
+
+
+def available_peers() -> tuple[str, ...]:
+    """Return the names of OpenCV's trackers that the installed one has, and that need no file."""
+    return tuple(cls.NAME for cls in OPENCV_TRACKERS if cls.available() and not cls.PARAMETERS)
 
 
 def tracker_class(name: str) -> type[Tracker]:

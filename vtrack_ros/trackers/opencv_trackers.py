@@ -1,4 +1,4 @@
-"""OpenCV's own trackers behind this package's face, to be measured by the same harness."""
+"""OpenCV's own trackers behind this package's face, to compare with in one's own node."""
 
 import ctypes
 from typing import Any, ClassVar
@@ -7,12 +7,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.siamese_network import check_backbone, check_head, check_network
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.parameters import ParameterTable
+from vtrack_ros.parameters import Parameter, ParameterTable, Value
 from vtrack_ros.tracker import Estimate, Tracker, TrackState
 
-#: None of the peers says how sure it is of the place.
+#: None of them says how sure it is of the place.
 _NO_COVARIANCE: NDArray[np.float64] = np.full((4, 4), np.nan)
 
 
@@ -21,12 +22,15 @@ class OpenCVTracker(Tracker):
     One of OpenCV's trackers, with its defaults.
 
     Where it reports failure the box keeps its last value, the confidence is 0 and the state LOST;
-    elsewhere the confidence is 1, for it gives no other.
+    elsewhere the confidence is its score, or 1 if it gives none. The covariance is NaN: unknown.
+
+    ValueError where the installed OpenCV doesn't have it.
     """
 
     PARAMETERS = ParameterTable(())
-    #: The name of the class in `cv2` or `cv2.legacy`.
+    #: The name of the class in `cv2` or `cv2.legacy`, and which OpenCV has it.
     OPENCV_NAME: ClassVar[str]
+    NEEDS: ClassVar[str] = 'its contrib modules (the package opencv-contrib-python-headless)'
     #: Whether every seed gives the same output.
     DETERMINISTIC: ClassVar[bool] = True
 
@@ -35,25 +39,45 @@ class OpenCVTracker(Tracker):
         """Return whether the OpenCV that is installed has it."""
         return _factory(cls.OPENCV_NAME) is not None
 
+    def _prepare(self, values: dict[str, Value]) -> None:
+        if not self.available():
+            raise ValueError(f'{self.NAME} needs an OpenCV with {self.NEEDS}; '
+                             f'the installed {cv2.__version__} is without')
+
     def _configure(self) -> None:
-        self._peer: Any = None
-        self._box = Box(0, 0, 1, 1)
+        """Nothing changes before the next start."""
+
+    def _create(self) -> Any:
+        """Return OpenCV's tracker."""
+        return _factory(self.OPENCV_NAME)()
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._peer = _factory(self.OPENCV_NAME)()
+        self._peer = self._create()
         self._box = box
-        self._peer.init(_colour(frame), _whole(box))
+        try:
+            self._peer.init(_colour(frame), _whole(box))
+        except cv2.error as error:
+            raise ValueError(f"{self.NAME} can't start on {box}: {error}") from None
         return self._estimate(True)
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        found, rectangle = self._peer.update(_colour(frame))
-        if found and rectangle[2] > 0 and rectangle[3] > 0:
+        try:
+            found, rectangle = self._peer.update(_colour(frame))
+        except cv2.error:
+            # some can't bear a box that has left the image
+            found = False
+        found = bool(found) and min(rectangle[2:]) > 0 and bool(np.isfinite(rectangle).all())
+        if found:
             self._box = Box(*rectangle)
-        return self._estimate(bool(found))
+        return self._estimate(found)
 
     def _estimate(self, found: bool) -> Estimate:
         state = TrackState.TRACKING if found else TrackState.LOST
-        return Estimate(self._box, 0.0, _NO_COVARIANCE, float(found), state)
+        return Estimate(self._box, 0.0, _NO_COVARIANCE, self._score() if found else 0.0, state)
+
+    def _score(self) -> float:
+        """Return how sure it is of a target that it has found, in [0, 1]."""
+        return 1.0
 
 
 class CSRT(OpenCVTracker):
@@ -78,6 +102,7 @@ class MIL(OpenCVTracker):
     NAME = 'opencv_mil'
     SUMMARY = "OpenCV's MIL"
     OPENCV_NAME = 'TrackerMIL'
+    NEEDS = 'the module video'
     DETERMINISTIC = False
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
@@ -93,6 +118,58 @@ class MOSSE(OpenCVTracker):
     NAME = 'opencv_mosse'
     SUMMARY = "OpenCV's MOSSE"
     OPENCV_NAME = 'TrackerMOSSE'
+
+
+class NetworkTracker(OpenCVTracker):
+    """One of OpenCV's trackers that needs networks' files, its parameters; it gives a score."""
+
+    #: Parameter -> field of OpenCV's settings.
+    _FIELDS: ClassVar[dict[str, str]]
+
+    def _prepare(self, values: dict[str, Value]) -> None:
+        super()._prepare(values)
+        missing = [name for name in self.PARAMETERS if not values[name]]
+        if missing:
+            raise ValueError(f'{self.NAME} needs the files ' + ', '.join(missing))
+
+    def _create(self) -> Any:
+        settings = getattr(cv2, f'{self.OPENCV_NAME}_Params')()
+        for name, path in self._parameters.items():
+            setattr(settings, self._FIELDS[name], path)
+        return _factory(self.OPENCV_NAME)(settings)
+
+    def _score(self) -> float:
+        return min(max(float(self._peer.getTrackingScore()), 0.0), 1.0)
+
+
+class Nano(NetworkTracker):
+    """NanoTrack, a small Siamese network."""
+
+    NAME = 'opencv_nano'
+    SUMMARY = "OpenCV's NanoTrack"
+    OPENCV_NAME = 'TrackerNano'
+    NEEDS = 'TrackerNano (4.7 or newer)'
+    PARAMETERS = ParameterTable([
+        Parameter('backbone', '', "ONNX file of NanoTrack V2's backbone; in force at the next "
+                  'start.', check=check_backbone),
+        Parameter('head', '', "ONNX file of NanoTrack V2's head; in force at the next start.",
+                  check=check_head),
+    ])
+    _FIELDS = {'backbone': 'backbone', 'head': 'neckhead'}
+
+
+class Vit(NetworkTracker):
+    """VitTrack, a small vision transformer."""
+
+    NAME = 'opencv_vit'
+    SUMMARY = "OpenCV's VitTrack"
+    OPENCV_NAME = 'TrackerVit'
+    NEEDS = 'TrackerVit (4.9 or newer)'
+    PARAMETERS = ParameterTable([
+        Parameter('network', '', "ONNX file of VitTrack's network; in force at the next start.",
+                  check=check_network),
+    ])
+    _FIELDS = {'network': 'net'}
 
 
 class CamShift(OpenCVTracker):
@@ -161,6 +238,5 @@ def _whole(box: Box) -> tuple[int, int, int, int]:
     return (round(box.x), round(box.y), max(1, round(box.width)), max(1, round(box.height)))
 
 
-#: The peers that the installed OpenCV has, by name.
-PEERS: dict[str, type[OpenCVTracker]] = {
-    peer.NAME: peer for peer in (CSRT, KCF, MIL, MOSSE, CamShift) if peer.available()}
+#: OpenCV's trackers, whether the installed one has them or not.
+OPENCV_TRACKERS: tuple[type[OpenCVTracker], ...] = (CSRT, KCF, MIL, MOSSE, CamShift, Nano, Vit)

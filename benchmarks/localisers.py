@@ -1,0 +1,143 @@
+"""
+A network under a filter beside the same network alone, as OpenCV's TrackerNano runs it.
+
+`VTRACK_NANOTRACK=FOLDER python benchmarks/localisers.py [--seeds K] [--frames N]` writes
+docs/results/localisers.json and .md; the folder has nanotrack_backbone_sim.onnx and
+nanotrack_head_sim.onnx. The stressed sequences are shorter, with one seed and one severity of each
+kind, in the middle.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+import os
+from pathlib import Path
+import sys
+
+import numpy as np
+from result_files import write_json
+from sequences import difference, interval
+from stress import TUNED
+
+from vtrack_ros.cli.progress import ProgressBar
+from vtrack_ros.evaluation import (
+    evaluate, find_sequences, FolderSequence, Results, TrackerSpecification)
+from vtrack_ros.evaluation.results_json import environment
+from vtrack_ros.evaluation.stress import frame_size, stressed_sequence
+from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
+from vtrack_ros.evaluation.table import markdown, number_text, TITLES
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = 'VTRACK_NANOTRACK'
+DCF, SIAMESE, ALONE = 'gmpf, dcf', 'gmpf, siamese', 'opencv_nano'
+COLUMNS = ('auc', 'auroc', 'coverage90', 'false_alarms', 'wrong_tracking', 'cpu_ms_median',
+           'ms_p99')
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Evaluate, and write the results."""
+    arguments = _arguments(argv)
+    if FOLDER not in os.environ:
+        print(f'{FOLDER} has to name the folder of the networks', file=sys.stderr)
+        return 2
+    trackers = _trackers(Path(os.environ[FOLDER]))
+    found = [one for one in find_sequences(arguments.sequences)[0]
+             if isinstance(one, FolderSequence)]
+    plain = evaluate(trackers, _cut(found, arguments.frames), arguments.seeds, arguments.jobs,
+                     ProgressBar('runs'))
+    kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
+    stressed = {kind: evaluate(trackers, [
+        stressed_sequence(one, kind, _severity(kind), 0, frame_size(one))
+        for one in _cut(found, arguments.stressed)], 1, arguments.jobs, ProgressBar(kind))
+        for kind in kinds}
+    problems = [str(one) for results in (plain, *stressed.values()) for one in results.problems]
+    for problem in problems:
+        print(f'failed: {problem}', file=sys.stderr)
+    write_json(arguments.out / 'localisers.json', {
+        'environment': environment(), 'seeds': arguments.seeds, 'problems': problems,
+        'plain': {name: {tracker: row['auc'] for tracker, row in rows.items()}
+                  for name, rows in plain.by_sequence.items()},
+        'stressed': {kind: {name: {tracker: row['auc'] for tracker, row in rows.items()}
+                            for name, rows in results.by_sequence.items()}
+                     for kind, results in stressed.items()}})
+    page = _page(plain, stressed, arguments)
+    (arguments.out / 'localisers.md').write_text(page, encoding='utf-8')
+    print(page)
+    return 1 if problems else 0
+
+
+def _trackers(folder: Path) -> list[TrackerSpecification]:
+    backbone, head = (str(folder / f'nanotrack_{part}_sim.onnx') for part in ('backbone', 'head'))
+    return [
+        TrackerSpecification(DCF, 'gmpf'),
+        TrackerSpecification(SIAMESE, 'gmpf', (
+            ('localiser', 'siamese'), ('siamese.backbone', backbone), ('siamese.head', head))),
+        TrackerSpecification(ALONE, 'opencv_nano', (('backbone', backbone), ('head', head)))]
+
+
+def _cut(found: list[FolderSequence], frames: int) -> list[FolderSequence]:
+    return [replace(one, truth=one.truth[:frames], images=one.images[:frames]) for one in found]
+
+
+def _severity(kind: str) -> float:
+    severities = tuple(STRESS_KINDS[kind].severities)
+    return severities[len(severities) // 2]
+
+
+def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Namespace) -> str:
+    rows = [['', *(TITLES[key] for key in COLUMNS), 'AUC, tuned targets', 'others',
+             f'AUC minus {ALONE} [95 %]']]
+    for label, scores in plain.summary.items():
+        halves = ([row[label]['auc'] for name, row in plain.by_sequence.items()
+                   if (name.split('.')[0] in TUNED) is tuned] for tuned in (True, False))
+        rows.append([label, *(number_text(scores[key], key) for key in COLUMNS),
+                     *(f'{np.mean(half):.3f}' for half in halves),
+                     '-' if label == ALONE else _gap(difference(plain, label, ALONE))])
+    under = [['', DCF, SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
+    every = []
+    for kind, results in stressed.items():
+        gaps = [row[SIAMESE]['auc'] - row[ALONE]['auc'] for row in results.by_sequence.values()]
+        every.append(gaps)
+        under.append([f'{kind} {_severity(kind):g} ({STRESS_KINDS[kind].unit})', *(
+            f'{results.summary[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE)),
+            _gap(interval(np.array(gaps)))])
+    under.append(['**mean**', *(
+        f'{np.mean([results.summary[label]["auc"] for results in stressed.values()]):.3f}'
+        for label in (DCF, SIAMESE, ALONE)), _gap(interval(np.mean(every, axis=0)))])
+    by_target = [['target', DCF, SIAMESE, ALONE]]
+    by_target += [[name, *(f'{row[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE))]
+                  for name, row in plain.by_sequence.items()]
+    facts = ', '.join(f'{key} {value}' for key, value in environment().items())
+    return (
+        '# Localisers: a network under a filter, and alone\n\n'
+        f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py` with the public weights of '
+        f'NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} targets, the '
+        f'first {arguments.frames} frames of each, seeds: {arguments.seeds}, one thread. What the '
+        'figures mean is in [evaluate.md](../evaluate.md); intervals are a bootstrap over the '
+        f'targets.\n\n{facts}.\n\n## As they are\n\n{markdown(rows)}\n\n'
+        f'{ALONE} has a score, its confidence here, and no covariance; it never says that it lost '
+        'the target. Times are processor time, and depend on what else the machine did.\n\n'
+        f'## Under stress\n\nAUC over the first {arguments.stressed} frames, one seed, each kind '
+        f'at its middle severity.\n\n{markdown(under)}\n\n'
+        f'## AUC by target, as they are\n\n{markdown(by_target)}\n')
+
+
+def _gap(values: tuple[float, float, float]) -> str:
+    return '{:+.3f} [{:+.3f}, {:+.3f}]'.format(*values)
+
+
+def _arguments(argv: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
+    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--frames', type=int, default=150)
+    parser.add_argument('--stressed', type=int, default=60, metavar='FRAMES')
+    parser.add_argument('--kinds', default='all', metavar='A,B,...')
+    parser.add_argument('--seeds', type=int, default=5)
+    parser.add_argument('--jobs', type=int)
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
+    return parser.parse_args(argv)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

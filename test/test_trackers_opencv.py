@@ -1,0 +1,70 @@
+"""OpenCV's trackers in the same list: a box and found or not, a covariance that isn't known."""
+
+import cv2
+from drawn_video import box_at, DrawnVideo, START
+import numpy as np
+import pytest
+from siamese_files import network_files
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.trackers import (
+    available_peers, create_tracker, tracker_class, tracker_names, TrackState)
+
+NANO = {'backbone': network_files()['siamese.backbone'], 'head': network_files()['siamese.head']}
+HERE = [(name, {}) for name in available_peers()]
+HERE += [('opencv_nano', NANO)] if tracker_class('opencv_nano').available() else []
+
+
+@pytest.mark.parametrize('name, files', HERE)
+def test_they_track(name, files):
+    """The target is in the box, and the covariance is NaN."""
+    video = DrawnVideo()
+    tracker = create_tracker(name, seed=0, **files)
+    tracker.start(video.frame(START), box_at(START))
+    for step in range(1, 6):
+        center = START[0] + step, START[1] + step
+        estimate = tracker.update(video.frame(center))
+    assert estimate.box.iou(box_at(center)) > 0.4
+    assert estimate.state is TrackState.TRACKING and 0 < estimate.confidence <= 1
+    assert np.isnan(estimate.covariance).all() and estimate.covariance.shape == (4, 4)
+
+
+@pytest.mark.parametrize('name, files', HERE)
+def test_a_box_at_the_border_is_no_crash(name, files):
+    """Started beyond the border, each runs on, or says that it can't start there."""
+    video = DrawnVideo()
+    tracker = create_tracker(name, seed=0, **files)
+    try:
+        tracker.start(video.frame(START), Box(-30, -30, 36, 36))
+    except ValueError as error:
+        assert name in str(error)
+        return
+    for _ in range(3):
+        assert 0 <= tracker.update(video.frame(START)).confidence <= 1
+
+
+def test_one_that_opencv_lacks_is_refused():
+    """In words that say which OpenCV has it; all are known by name."""
+    lacking = [name for name in tracker_names() if name.startswith('opencv_')
+               and not tracker_class(name).available()]
+    for name in lacking:
+        with pytest.raises(ValueError, match=f'{name} needs an OpenCV with .*{cv2.__version__}'):
+            create_tracker(name)
+    assert {'opencv_csrt', 'opencv_kcf', 'opencv_mil', 'opencv_nano', 'opencv_vit'} <= {
+        *tracker_names()} - {*tracker_names(replicas=False)}
+
+
+@pytest.mark.skipif(not tracker_class('opencv_nano').available(), reason='needs TrackerNano')
+def test_networks_need_their_files():
+    """A session refuses to change to one without them, and goes on."""
+    session = TrackingSession('gmpf')
+    session.start(DrawnVideo().frame(START), 0, box_at(START))
+    with pytest.raises(ValueError, match='opencv_nano needs the files backbone, head'):
+        session.change(tracker='opencv_nano')
+    with pytest.raises(ValueError, match=r'opencv_nano\.head: .*is no file'):
+        session.change(tracker='opencv_nano', parameters={
+            'opencv_nano': {**NANO, 'head': '/nowhere.onnx'}})
+    assert session.tracker == 'gmpf'
+    session.change(tracker='opencv_nano', parameters={'opencv_nano': NANO})
+    assert session.update(DrawnVideo().frame(START), 1).box.iou(box_at(START)) > 0.4
