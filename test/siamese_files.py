@@ -34,11 +34,12 @@ def write_backbone(path: Path, channels: int = 48, gain: float = 1.0) -> str:
                   {'weight': weight})
 
 
-def write_head(path: Path, grow: float = 1.0, gain: float = 1.0) -> str:
+def write_head(path: Path, grow: float = 1.0, gain: float = 1.0, clip: bool = False) -> str:
     """
     Write a head: how near the mean colour about a place is to the target's, and a fixed box.
 
-    A square target fills the middle 4 x 4 cells of its image.
+    A square target fills the middle 4 x 4 cells of its image. One with a `clip` of distances, of
+    which none is as far, has its limits as inputs.
     """
     middle = np.zeros((48, 1, 8, 8), np.float32)
     middle[:, :, 2:6, 2:6] = 1 / 16
@@ -55,12 +56,17 @@ def write_head(path: Path, grow: float = 1.0, gain: float = 1.0) -> str:
         helper.make_node('Abs', ['difference'], ['far']),
         helper.make_node('Conv', ['far', 'score', 'level'], ['output1'], kernel_shape=[1, 1]),
         helper.make_node('Conv', ['far', 'none', 'sides'], ['output2'], kernel_shape=[1, 1])]
+    limits = {}
+    if clip:
+        limits = {'least': np.float32(0), 'most': np.float32(1000)}
+        nodes[4].output[0] = 'unlimited'
+        nodes.insert(5, helper.make_node('Clip', ['unlimited', *limits], ['far']))
     return _write(
         path, nodes, {'input1': (1, 48, 8, 8), 'input2': (1, 48, 16, 16)},
         {'output1': (1, 2, 16, 16), 'output2': (1, 4, 16, 16)},
         {'middle': middle, 'spread': np.ones((48, 1, 16, 16), np.float32), 'score': score,
          'level': np.array([0, 10], np.float32), 'none': np.zeros((4, 48, 1, 1), np.float32),
-         'sides': sides})
+         'sides': sides, **{name: np.array(limit) for name, limit in limits.items()}})
 
 
 def _write(path: Path, nodes: list, inputs: dict[str, tuple[int, ...]],

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+import re
 
+import cv2
 from drawn_video import box_at, DrawnVideo, START, straight, TARGET
 import numpy as np
 import pytest
@@ -155,6 +157,26 @@ def test_a_backbone_is_no_head(files):
     """The head's own inputs and outputs are asked for."""
     with pytest.raises(ValueError, match=r'siamese.head: .*output1 \(1, 2, 16, 16\)'):
         create_tracker('gmpf', **{'siamese.head': files['siamese.backbone']})
+
+
+def test_a_head_that_old_versions_of_opencv_refuse(files, tmp_path, repository, monkeypatch):
+    """The manual's script writes one that every version reads, with the same outputs."""
+    published = write_head(tmp_path / 'published.onnx', clip=True)
+    mended = tmp_path / 'mended.onnx'
+    [script] = re.findall(r'```python\n(.*?)```',
+                          (repository / 'docs' / 'localisers.md').read_text(), re.DOTALL)
+    monkeypatch.setattr('sys.argv', ['mend', published, str(mended)])
+    exec(script, {})
+    backbone, plain = files.values()
+    answers = []
+    for head in (plain, str(mended)):
+        network = SiameseNetwork(backbone, head)
+        target = network.learn(frame_at(START), START, TARGET)
+        answers.append(network.search(target, frame_at(START), START, SIDE)[0])
+    np.testing.assert_array_equal(*answers)
+    if cv2.__version__.startswith('4.6.'):
+        with pytest.raises(ValueError, match="can't read .*Clip"):
+            SiameseNetwork(backbone, published)
 
 
 def test_a_network_needs_its_files(files):
