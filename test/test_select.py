@@ -372,15 +372,18 @@ def test_particles(address, truth):
     asyncio.run(run())
 
 
-def test_record(address, bag, recordings):
+def test_record(address, truth, bag, recordings):
     """What is seen is a bag, with the images' own stamps, pixels and boxes."""
     async def run():
         async with viewer(address) as seen:
             picture = await fresh(seen)
             assert picture['recording'] is False
-            await seen.ask(do='click', stamp=picture['stamp'], x=60, y=50)
             await seen.ask(do='record', on=True)
-            await seen.until(lambda one: one['recording'] and 'box' in one)
+            await seen.until(lambda one: one['recording'])
+            box = truth[int(picture['stamp'])]
+            await seen.ask(do='box', stamp=picture['stamp'], x=box.x, y=box.y, width=box.width,
+                           height=box.height)
+            await seen.until(lambda one: 'box' in one)
             await seen.ask(do='record', on=False)
             await seen.told('images are in ')
             await seen.ask(do='reset')

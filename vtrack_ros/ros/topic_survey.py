@@ -15,8 +15,10 @@ from vtrack_ros.ros.diagnostics import SHARED_MEMORY
 from vtrack_ros.ros.message_types import MessageTypes
 
 _IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
-#: How long the graph is given to show itself, in seconds, and how many images may wait.
-_DISCOVERY, _DEPTH = 1.5, 30
+#: Nothing new in the graph for so long is all there is, in seconds; it's not waited for longer.
+_QUIET, _LONGEST = 2.0, 10.0
+#: How many images may wait.
+_DEPTH = 30
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,15 @@ class ImageTopic:
 
 def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list[ImageTopic]:
     """Listen on every image topic that somebody publishes, for so long; by name."""
-    _spin(executor, _DISCOVERY)
+    known: set[object] = set()
+    end = time.monotonic() + _LONGEST
+    while time.monotonic() < end:
+        _spin(executor, _QUIET)
+        seen: set[object] = {(name, *kinds) for name, kinds in node.get_topic_names_and_types()}
+        seen |= set(node.get_node_names_and_namespaces())
+        if seen == known:
+            break
+        known = seen
     listeners = [_Listener(node, name, kind)
                  for name, kinds in sorted(node.get_topic_names_and_types())
                  for kind in kinds if kind in _IMAGES and node.count_publishers(name)]
