@@ -69,3 +69,13 @@ def test_an_unseen_target_may_be_a_side_away_and_farther_later():
     np.testing.assert_allclose(later[2:], unseen[2:])
     np.testing.assert_allclose(unseen[2:]**2, 4**2 + 6**2)
     assert unknown_covariance(0.1, 0.2, 400.0, 0.0).shape == (4, 4)
+
+
+def test_the_threshold_says_what_counts_as_seen():
+    """A confidence is enough or not: the evidence is the same."""
+    lenient, strict = PresenceDetector(), PresenceDetector()
+    lenient.threshold, strict.threshold = 0.1, 0.9
+    for each in (lenient, strict):
+        each.judge(0.09, 4.5, 1.0, elsewhere=True)
+    assert 0.1 < lenient.confidence == strict.confidence < 0.9
+    assert (lenient.unseen_frames, strict.unseen_frames) == (0, 1)

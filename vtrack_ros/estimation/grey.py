@@ -153,6 +153,8 @@ class GreyProposal(Proposal):
         self.densities = densities
         self.velocities = dict(velocities or {})
         self.steady = list(steady)
+        #: The forecast made last, and of what: who asks before proposing asks twice.
+        self._made: tuple[Belief, float, FloatArray | None] | None = None
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
@@ -190,6 +192,12 @@ class GreyProposal(Proposal):
         GM(1,1) takes a series for evenly spaced: where frames were dropped, estimates are
         interpolated to even times, and a step of another length is that many steps.
         """
+        made = self._made
+        if made is None or made[0] is not belief or made[1] != dt:
+            made = self._made = belief, dt, self._forecast(belief, dt)
+        return made[2]
+
+    def _forecast(self, belief: Belief, dt: float) -> FloatArray | None:
         if len(belief.estimates) < self.window:
             return None
         rows = [estimate.tolist() for estimate in belief.estimates[-self.window:]]

@@ -120,6 +120,8 @@ class GuidedSearch:
         """Return the most probable of all maxima."""
         every = [(place, response, value) for response in maps
                  for place, value in maxima(response, _CANDIDATE)]
+        if len(every) == 1:
+            return Found(every[0][1], every[0][0], overruled=False)
         found: list[tuple[Point, ResponseMap, float]] = []
         for candidate in sorted(every, key=lambda each: -each[2]):
             if all(math.dist(candidate[0], better[0]) > _DISTINCT * self._side
