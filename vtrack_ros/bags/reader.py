@@ -80,10 +80,11 @@ class BagReader:
             self._reader = (Ros1Reader if self._is_ros1 else Ros2Reader)(self.path)
             self._reader.open()
             empty = self._reader.message_count == 0
-        except _BROKEN as error:
-            raise self._broken(error) from error
         except OSError as error:
             raise BagError(f"{self.path} can't be read: {error.strerror or error}") from None
+        except Exception as error:
+            # The storages, and the compression below them, raise what they like.
+            raise self._broken(error) from error
         if empty:
             self._reader.close()
             raise BagError(f'{self.path} is empty: it holds no message')
