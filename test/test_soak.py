@@ -1,6 +1,11 @@
-"""The soak of benchmarks/soak.py, for seconds instead of an hour."""
+"""What time must not change: the soak of benchmarks/soak.py, for seconds instead of an hour."""
 
-from soak import Bench, soak
+from node_bench import Bench, scene, SIDE, WAY
+import numpy as np
+from soak import soak
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import create_tracker
 
 
 def test_a_node_keeps_what_it_has():
@@ -14,3 +19,15 @@ def test_a_node_keeps_what_it_has():
     assert (last.threads, last.descriptors) == (first.threads, first.descriptors)
     # The frames kept for selections are 16 MB, there after some twenty.
     assert last.rss_mb - first.rss_mb < 4
+
+
+def test_a_size_that_stays_is_kept():
+    """The errors of a thousand measurements of the size don't add up."""
+    width, height = 640, 480
+    messages, _ = scene(width, height)
+    frames = [np.frombuffer(one.data, np.uint8).reshape(height, width, 3) for one in messages]
+    tracker = create_tracker('gmpf', seed=0)
+    tracker.start(frames[0], Box(width // 3, height // 3, SIDE, SIDE))
+    for index in range(1, 1000):
+        estimate = tracker.update(frames[index % WAY])
+    assert abs(estimate.box.width / SIDE - 1) < 0.08
