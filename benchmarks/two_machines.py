@@ -1,0 +1,179 @@
+"""
+Camera on one machine, tracker on another: two network namespaces, joined by a virtual cable.
+
+`.venv/bin/python benchmarks/two_machines.py` (as root, with iproute2 and nftables) writes
+two_machines.json into docs/results: what arrives of VGA in colour at 30 Hz, raw and compressed,
+and how many bytes it takes, over a good cable, a slow one and one that loses packets.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+from typing import Any
+
+import cv2
+from diagnostic_msgs.msg import DiagnosticStatus
+from node_bench import Bench, scene, tracker_arguments
+import numpy as np
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from result_files import write_json
+from sensor_msgs.msg import CompressedImage
+from vision_msgs.msg import Detection2DArray
+
+ROOT = Path(__file__).resolve().parents[1]
+RATE = 30
+CAMERA, TRACKER = 'vtrack_camera', 'vtrack_tracker'
+#: How a cable is made bad: commands within a namespace, whose device is DEVICE.
+CABLES = {
+    'good': [],
+    '100 Mbit/s': ['tc qdisc add dev DEVICE root tbf rate 100mbit burst 64kb latency 50ms'],
+    '1 % of the packets lost': [
+        'nft add table netdev loss',
+        'nft add chain netdev loss in { type filter hook ingress device DEVICE priority 0 ; }',
+        'nft add rule netdev loss in numgen random mod 100 < 1 drop']}
+STREAMS = (('raw', 'best_effort'), ('raw', 'reliable'), ('compressed', 'best_effort'),
+           ('compressed', 'reliable'))
+
+
+def run(command: str) -> str:
+    """Run a command; return what it prints."""
+    return subprocess.run(command.split(), check=True, capture_output=True, text=True).stdout
+
+
+@contextmanager
+def cable(commands: list[str]) -> Iterator[None]:
+    """Join two namespaces, until the block ends."""
+    try:
+        for name in (CAMERA, TRACKER):
+            run(f'ip netns add {name}')
+        run(f'ip link add camera netns {CAMERA} type veth peer name tracker netns {TRACKER}')
+        for name, device, address in ((CAMERA, 'camera', 1), (TRACKER, 'tracker', 2)):
+            run(f'ip -n {name} addr add 10.77.0.{address}/24 dev {device}')
+            for one in ('lo', device):
+                run(f'ip -n {name} link set {one} up')
+            for command in commands:
+                run(f'ip netns exec {name} ' + command.replace('DEVICE', device))
+        yield
+    finally:
+        for name in (CAMERA, TRACKER):
+            subprocess.run(['ip', 'netns', 'del', name], capture_output=True)
+
+
+def received_bytes() -> int:
+    """Return what came to the tracker's machine."""
+    return int(json.loads(run(f'ip -n {TRACKER} -s -j link show tracker'))[0]['stats64']['rx'][
+        'bytes'])
+
+
+def measure(commands: list[str], transport: str, reliability: str, seconds: float,
+            ) -> dict[str, Any]:
+    """Measure one stream over one cable."""
+    environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+                   # Both namespaces see the same /dev/shm.
+                   'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+    _, box = scene(640, 480)
+    with cable(commands):
+        node = subprocess.Popen(
+            ['ip', 'netns', 'exec', TRACKER, sys.executable, *tracker_arguments(
+                'ours', 'gmpf', box, '-p', f'image_transport:={transport}')],
+            env=environment, stderr=subprocess.DEVNULL)
+        try:
+            before = received_bytes()
+            answer = subprocess.run(
+                ['ip', 'netns', 'exec', CAMERA, sys.executable, __file__, '--camera', transport,
+                 reliability, '--seconds', str(seconds)],
+                env=environment, capture_output=True, text=True, timeout=60 + 3 * seconds)
+            if answer.returncode:
+                raise RuntimeError(answer.stderr)
+            return {**json.loads(answer.stdout),
+                    'mbit_s': 8e-6 * (received_bytes() - before) / seconds}
+        finally:
+            node.terminate()
+            node.wait()
+
+
+def send(transport: str, reliability: str, seconds: float) -> None:
+    """Send images from within a namespace; print what came back as JSON."""
+    bench = Bench()
+    images: list[Any] = scene(640, 480)[0]
+    if transport == 'compressed':
+        for index, image in enumerate(images):
+            pixels = np.frombuffer(image.data, np.uint8).reshape(480, 640, 3)
+            images[index] = CompressedImage(format='bgr8; jpeg compressed bgr8')
+            images[index].data = cv2.imencode('.jpg', pixels)[1].tobytes()
+    for image in images:
+        image.header.frame_id = 'camera'
+    sent: dict[int, int] = {}
+    latency: list[float] = []
+    missing: list[int] = []
+    found = 0
+
+    def on_detections(message: Any) -> None:
+        nonlocal found
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        if stamp in sent:
+            latency.append((time.perf_counter_ns() - sent.pop(stamp)) / 1e6)
+            found += bool(message.detections)
+
+    publisher = bench.node.create_publisher(
+        type(images[0]), '/ours/image' + '/compressed' * (transport == 'compressed'),
+        QoSProfile(depth=5, reliability=getattr(ReliabilityPolicy, reliability.upper())))
+    hearing = [bench.node.create_subscription(Detection2DArray, '/ours/detections',
+                                              on_detections, 100),
+               bench.node.create_subscription(
+                   DiagnosticStatus, '/ours/tracker/state', lambda message: missing.extend(
+                       int(row.value) for row in message.values if row.key == 'frames_missing'),
+                   100)]
+    bench.until(lambda: publisher.get_subscription_count()
+                and all(one.get_publisher_count() for one in hearing), 'no node was found')
+    count, began = round(RATE * seconds), time.perf_counter()
+    for number in range(1, count + 1):
+        stamp = number * 10**9 // RATE
+        # The box of the node is that of the first image, which may be lost.
+        image = images[number % len(images) if found else 0]
+        image.header.stamp.sec, image.header.stamp.nanosec = divmod(stamp, 10**9)
+        sent[stamp] = time.perf_counter_ns()
+        publisher.publish(image)
+        while (left := began + number / RATE - time.perf_counter()) > 0:
+            bench.executor.spin_once(timeout_sec=left)
+    until = time.perf_counter() + 1.5
+    while (left := until - time.perf_counter()) > 0:
+        bench.executor.spin_once(timeout_sec=left)
+    p50, p99 = np.percentile(latency, (50, 99)) if latency else (np.nan, np.nan)
+    print(json.dumps({'sent': count, 'answered': len(latency), 'found': found,
+                      'reported_missing': missing[-1] if missing else None,
+                      'ms_p50': float(p50), 'ms_p99': float(p99)}))
+    bench.close()
+
+
+def main() -> int:
+    """Measure all streams over all cables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--seconds', type=float, default=10.0, help='of each stream')
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results', metavar='DIR')
+    parser.add_argument('--camera', nargs=2, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.camera:
+        send(*arguments.camera, arguments.seconds)
+        return 0
+    results: dict[str, Any] = {'seconds': arguments.seconds, 'cables': {}}
+    for name, commands in CABLES.items():
+        results['cables'][name] = {}
+        for transport, reliability in STREAMS:
+            row = measure(commands, transport, reliability, arguments.seconds)
+            print(name, transport, reliability, row, flush=True)
+            results['cables'][name][f'{transport}, {reliability}'] = row
+    write_json(arguments.out / 'two_machines.json', results)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
