@@ -169,6 +169,19 @@ def test_another_localiser_keeps_the_target(talk):
     assert tracks_on(talk, 2)
 
 
+def test_a_tracker_of_opencv_knows_no_covariance(talk):
+    """All 0 is what ROS has for unknown; a tracker whose files aren't named is refused."""
+    scene, client = talk
+    refused = client.change(tracker='opencv_vit')[0]
+    assert not refused.successful and 'opencv_vit needs' in refused.reason
+    assert client.change(tracker='opencv_mil')[0].successful
+    start, client.index = client.index, client.index + 1
+    [answer] = client.play(scene, range(start, start + 1))
+    assert not any(answer.detections[0].results[0].pose.covariance)
+    assert client.change(tracker='gmpf')[0].successful
+    assert tracks_on(talk, 1)
+
+
 def test_init_box_takes_integers_floats_and_nothing(talk):
     """However YAML spells the four numbers, they are a box; none means no new start."""
     scene, client = talk
