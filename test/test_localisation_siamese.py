@@ -82,6 +82,18 @@ def test_the_box_is_what_the_user_means_by_the_target(files, tmp_path):
     np.testing.assert_allclose([box.width, box.height], TARGET, rtol=0.02)
 
 
+@pytest.mark.parametrize('wrong', [-1.0, 1e30, np.nan])
+def test_a_network_that_talks_nonsense_does_no_harm(wrong, files, tmp_path):
+    """Boxes inside out, endless or none: the estimate stays finite."""
+    head = write_head(tmp_path / 'nonsense.onnx', grow=wrong)
+    tracker = create_tracker('gmpf', seed=1, localiser='siamese',
+                             **{**files, 'siamese.head': head})
+    tracker.start(frame_at(START), box_at(START))
+    for _ in range(5):
+        estimate = tracker.update(frame_at(START))
+    assert np.isfinite(estimate.box.as_array()).all() and np.isfinite(estimate.covariance).all()
+
+
 def test_an_absent_target_is_missed_and_found_again(siamese):
     """The network always finds something; that it isn't the target is told all the same."""
     video = DrawnVideo()

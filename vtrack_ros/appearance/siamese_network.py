@@ -18,6 +18,8 @@ EXEMPLAR, SEARCHED = 127, 255
 STRIDE, PLACES = 16, 16
 #: Surroundings of the target in its image, as a share of the mean side, on each of two sides.
 _CONTEXT = 0.5
+#: No trained network's answer is beyond that, and an untrained one's mustn't be.
+_BOUND = 1000.0
 _CHANNELS, _FEATURES = 48, {EXEMPLAR: 8, SEARCHED: 16}
 _TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 
@@ -94,11 +96,12 @@ class SiameseNetwork:
         self._head.setInput(target, _TEMPLATE)
         self._head.setInput(self._described(square, frame, SEARCHED), _PLACE)
         logits, sides = (
-            output[0].astype(np.float64) for output in self._head.forward([_SCORES, _SIDES]))
+            np.nan_to_num(output[0].astype(np.float64)).clip(-_BOUND, _BOUND)
+            for output in self._head.forward([_SCORES, _SIDES]))
         left, top, right, bottom = sides
         at = STRIDE * (np.arange(PLACES) - PLACES // 2)
         boxes = np.stack([at + (right - left) / 2, at[:, None] + (bottom - top) / 2,
-                          left + right, top + bottom])
+                          np.maximum(left + right, 1), np.maximum(top + bottom, 1)])
         boxes *= square.side / SEARCHED
         boxes[0] += square.left + square.side / 2
         boxes[1] += square.top + square.side / 2
