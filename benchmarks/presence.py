@@ -1,0 +1,150 @@
+"""
+What confidence is worth: wrong boxes against false alarms, as `confidence_threshold` is varied.
+
+`python benchmarks/presence.py` follows the targets of the shared sequences, plain and under stress,
+and writes docs/results/presence.md and docs/images/presence.svg: those on which constants were
+tuned, and the others. A box is wrong where the state is TRACKING and its overlap with the target is
+below 0.1, or the target hidden; a false alarm, where it isn't TRACKING though the overlap is above
+0.5. Shares are means over targets.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from joblib import delayed, Parallel
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+import numpy as np
+from numpy.typing import NDArray
+from stress import TUNED
+
+from vtrack_ros.evaluation import find_sequences, FolderSequence
+from vtrack_ros.evaluation.calibration import auroc
+from vtrack_ros.evaluation.metrics import off_target, on_target, overlaps
+from vtrack_ros.evaluation.runner import one_thread, run_tracker
+from vtrack_ros.evaluation.stress import stressed_sequence
+from vtrack_ros.evaluation.table import markdown
+from vtrack_ros.trackers import create_tracker
+
+ROOT = Path(__file__).resolve().parents[1]
+KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0, 'twin': 0.4}
+THRESHOLDS = np.linspace(0.01, 0.99, 99)
+HALVES = {'tuned': 'videos on which constants were tuned', 'others': 'other videos'}
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run, frame by frame but for the first: confidence, on and off the target, just hidden."""
+
+    half: str
+    kind: str
+    confidence: NDArray[np.float64]
+    on: NDArray[np.bool_]
+    off: NDArray[np.bool_]
+    vanished: NDArray[np.bool_]
+
+    def wrong(self, threshold: float) -> float:
+        """Return the share of frames that are tracked off the target."""
+        return float((self.off & (self.confidence >= threshold)).mean())
+
+    def alarms(self, threshold: float) -> float:
+        """Return the share of the frames on the target that aren't tracked; NaN without any."""
+        return float((self.confidence < threshold)[self.on].mean()) if self.on.any() else np.nan
+
+
+def follow(tracker: str, kind: str, seed: int, sequence: FolderSequence) -> Record:
+    """Follow a target under stress."""
+    with one_thread():
+        stressed = stressed_sequence(sequence, kind, KINDS[kind], seed)
+        run = run_tracker(create_tracker(tracker, seed=seed), stressed.frames(),
+                          stressed.first_box, stressed.steps)
+    overlap = overlaps(run.boxes, stressed.truth)
+    present = np.isfinite(stressed.truth[:, 0])
+    half = 'tuned' if sequence.images[0].parents[1].name in TUNED else 'others'
+    return Record(half, kind, run.confidences[1:], on_target(overlap)[1:],
+                  off_target(overlap)[1:], (present[:-1] & ~present[1:]))
+
+
+def rows(records: list[Record]) -> list[list[str]]:
+    """Return a row of figures for each half and kind."""
+    table = []
+    for half in HALVES:
+        for kind in KINDS:
+            runs = [one for one in records if (one.half, one.kind) == (half, kind)]
+            confidence, on, off, vanished = (np.concatenate([
+                getattr(one, name) for one in runs])
+                for name in ('confidence', 'on', 'off', 'vanished'))
+            at_once = confidence[vanished] < 0.5
+            table.append([
+                half, kind, f'{auroc(confidence[on], confidence[off]):.3f}',
+                f'{100 * np.mean([one.wrong(0.5) for one in runs]):.1f} %',
+                f'{100 * np.nanmean([one.alarms(0.5) for one in runs]):.1f} %',
+                f'{at_once.sum()} of {len(at_once)}' if kind == 'hidden' else ''])
+    return table
+
+
+def draw(records: dict[str, list[Record]], path: Path) -> None:
+    """Draw the curve of each tracker, plain and under stress, for both halves."""
+    with rc_context({'svg.hashsalt': 'vtrack', 'svg.fonttype': 'none', 'font.size': 9}):
+        figure = Figure(figsize=(8, 3.4), layout='constrained')
+        for axes, (half, title) in zip(figure.subplots(1, 2, sharey=True), HALVES.items()):
+            for tracker, every in records.items():
+                for name, dashes in (('plain', '-'), ('under stress', '--')):
+                    runs = [one for one in every if one.half == half
+                            and (one.kind == 'plain') == (name == 'plain')]
+                    curve = 100 * np.array([[
+                        np.nanmean([one.alarms(at) for one in runs]),
+                        np.mean([one.wrong(at) for one in runs])] for at in THRESHOLDS])
+                    line, = axes.plot(*curve.T, dashes, label=f'{tracker}, {name}',
+                                      color='C0' if tracker == 'gmpf' else 'C1')
+                    axes.plot(*curve[49], 'o', color=line.get_color())
+            axes.set(title=title, xlabel='false alarms [%]', xlim=(0, 30), ylim=(0, None))
+        figure.axes[0].set_ylabel('wrong boxes [%]')
+        figure.axes[1].legend(frameon=False)
+        figure.savefig(path, metadata={'Date': None})
+
+
+def main() -> None:
+    """Measure and write page and picture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--trackers', default='gmpf,dcf')
+    parser.add_argument('--frames', type=int, default=150)
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--jobs', type=int, default=2)
+    arguments = parser.parse_args()
+    found, _ = find_sequences(arguments.sequences)
+    cut = [replace(one, truth=one.truth[:arguments.frames], images=one.images[:arguments.frames])
+           for one in found if isinstance(one, FolderSequence)]
+    records = {tracker: list(Parallel(arguments.jobs)(
+        delayed(partial(follow, tracker, kind, arguments.seed))(one)
+        for kind in KINDS for one in cut)) for tracker in arguments.trackers.split(',')}
+    draw(records, ROOT / 'docs' / 'images' / 'presence.svg')
+    tables = '\n\n'.join(f'`{tracker}`:\n\n' + markdown([
+        ['videos', 'stress', 'AUROC', 'wrong boxes', 'false alarms', 'gone in the same frame'],
+        *rows(every)]) for tracker, every in records.items())
+    text = f"""# What confidence is worth
+
+The first {arguments.frames} frames of {len(cut)} targets of the shared sequences, seed
+{arguments.seed}; `python benchmarks/presence.py` writes this page. A box is wrong where the state
+is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm is a
+frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at
+`confidence_threshold` 0.5; the AUROC is over all frames. The weights of the evidence were found on
+both halves, each weighed on the other (see [decisions](../decisions.md)).
+
+![Wrong boxes against false alarms](../images/presence.svg)
+
+The dot is the default of `confidence_threshold`; on the way to the right it rises to 0.99.
+
+{tables}
+"""
+    (ROOT / 'docs' / 'results' / 'presence.md').write_text(text, encoding='utf-8')
+    print(text)
+
+
+if __name__ == '__main__':
+    main()
