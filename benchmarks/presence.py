@@ -1,11 +1,11 @@
 """
 What confidence is worth: wrong boxes against false alarms, as `confidence_threshold` is varied.
 
-`python benchmarks/presence.py` follows the targets of the shared sequences, plain and under stress,
-and writes docs/results/presence.md and docs/images/presence.svg: those on which constants were
-tuned, and the others. A box is wrong where the state is TRACKING and its overlap with the target is
-below 0.1, or the target hidden; a false alarm, where it isn't TRACKING though the overlap is above
-0.5. Shares are means over targets.
+`python benchmarks/presence.py` follows the targets of the shared sequences, plain and under
+stress, and writes docs/results/presence.md and docs/images/presence.svg: those on which constants
+were tuned, and the others. A box is wrong where the state is TRACKING and its overlap with the
+target is below 0.1, or the target hidden; a false alarm, where it isn't TRACKING though the
+overlap is above 0.5. Shares are means over targets.
 """
 
 from __future__ import annotations
