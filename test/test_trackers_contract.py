@@ -36,7 +36,7 @@ def check(estimate):
 def test_it_follows_a_moving_target(name, colour):
     """A target of its own colours and texture: IoU above 0.5 to the end, seldom in doubt."""
     video = DrawnVideo(colour)
-    path = straight(20, (2.0, 1.0))
+    path = straight(14, (2.0, 1.0))
     tracker = create_tracker(name, seed=1)
     check(tracker.start(video.frame(path[0]), box_at(path[0])))
     overlaps, states = [], []
@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_bits(name):
     path = straight(8, (2.0, -1.0))
     frames = list(DrawnVideo().frames(path))
     outputs = []
-    for seed in (3, 3, np.random.default_rng(3)):
+    for seed in (3, np.random.default_rng(3)):
         tracker = create_tracker(name, seed=seed)
         rows = []
         for _ in range(2):
@@ -75,8 +75,7 @@ def test_the_same_seed_gives_the_same_bits(name):
                 rows.append([*estimate.box.as_array(), estimate.angle, estimate.confidence,
                              *estimate.covariance.ravel()])
         outputs.append(np.array(rows))
-    np.testing.assert_array_equal(outputs[0], outputs[1])
-    np.testing.assert_array_equal(outputs[0], outputs[2])
+    np.testing.assert_array_equal(*outputs)
 
 
 @ALL
@@ -175,7 +174,7 @@ def test_a_change_is_made_whole_or_not_at_all(name):
 def test_dropped_frames_are_bridged(name):
     """Every third frame of a target at 2 px a frame, told by dt = 3."""
     video = DrawnVideo()
-    path = straight(36, (2.0, 0.5))[::3]
+    path = straight(24, (2.0, 0.5))[::3]
     tracker = create_tracker(name, seed=1)
     tracker.start(video.frame(path[0]), box_at(path[0]))
     for center in path[1:]:
@@ -193,7 +192,7 @@ def test_it_says_so_when_the_target_leaves_the_image(name):
     tracker = create_tracker(name, seed=1)
     tracker.start(video.frame(start), box_at(start))
     estimates = []
-    for center in [*path[1:], *[None] * 25]:
+    for center in [*path[1:], *[None] * 14]:
         estimate = tracker.update(video.frame(center))
         check(estimate)
         assert 0.1 * box_at(start).area < estimate.box.area < 36 * box_at(start).area
@@ -243,7 +242,7 @@ def test_odd_sizes_do_no_harm(name, shape, box):
     """Boxes and frames of any size give finite estimates, textured or not."""
     rng = np.random.default_rng(5)
     for contrast in (256, 1):
-        frames = [rng.integers(contrast, size=shape, dtype=np.uint8) for _ in range(4)]
+        frames = [rng.integers(contrast, size=shape, dtype=np.uint8) for _ in range(3)]
         tracker = create_tracker(name, seed=1)
         check(tracker.start(frames[0], box))
         for frame in frames[1:]:

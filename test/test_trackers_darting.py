@@ -21,7 +21,7 @@ def test_a_target_that_darts_to_and_fro_is_placed_exactly(name, seed):
     tracker = create_tracker(name, seed=seed)
     tracker.start(video.frame(MIDDLE), box_at(MIDDLE))
     errors, sizes = [], []
-    for step in range(30):
+    for step in range(20):
         center = (MIDDLE[0] + 22 * (-1)**step + rng.uniform(-2, 2),
                   MIDDLE[1] + rng.uniform(-22, 22))
         estimate = tracker.update(video.frame(center))
@@ -40,7 +40,7 @@ def test_a_target_that_grows_quickly_is_followed(name, speed):
     tracker = create_tracker(name, seed=1)
     tracker.start(video.frame(MIDDLE), box_at(MIDDLE))
     errors = []
-    for step in range(1, 41):
+    for step in range(1, 33):
         zoom = np.exp(speed * min(step, 24))
         matrix = np.array([[zoom, 0, (MIDDLE[0] - 0.5) * (1 - zoom)],
                            [0, zoom, (MIDDLE[1] - 0.5) * (1 - zoom)]])

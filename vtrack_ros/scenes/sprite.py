@@ -8,7 +8,6 @@ import math
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 #: A 2-D affine map, shape (2, 3).
 Affine = NDArray[np.float64]
@@ -120,6 +119,8 @@ def _crossings(alpha: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def keyframes(*points: tuple[float, float]) -> Motion:
     """Return a smooth motion through (time, value) points, without overshoot; it rests outside."""
+    # Takes as long to load as all else that the tools need, and many of them show no scene.
+    from scipy.interpolate import PchipInterpolator
     times, values = zip(*points)
     curve = PchipInterpolator(times, values)
     return lambda time: float(curve(min(max(time, times[0]), times[-1])))
