@@ -121,9 +121,6 @@ def test_a_target_that_left_is_seldom_taken_for_another(repository):
     with BagReader(repository / 'bags' / 'leave_and_return') as bag:
         truth = bag.truth()
         frames = [(image.frame, truth[image.stamp]) for image in bag.frames()]
-    # What comes long before it leaves, and long after it's back, is another matter.
-    gone = [index for index, (_, box_now) in enumerate(frames) if box_now is None]
-    frames = frames[gone[0] - 30:gone[-1] + 20]
     first, box = frames[0]
     taken = []
     for seed, name in enumerate(('gmpf', 'abmspf', 'appf', 'dcf')):
