@@ -1,8 +1,9 @@
 """
 Processes that begin with ROS and the package loaded, as forks of one that has loaded them.
 
-Loading takes a second of the processor in each of some sixty nodes; what they do from `main` on is
-the same. As a script, with a socket's number, this is the process that is forked.
+Loading takes a second of the processor in each of some sixty nodes, with what is loaded once ROS
+is up and when the first frames come; what they do from `main` on is the same. As a script, with a
+socket's number, this is the process that is forked.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import atexit
 from collections.abc import Sequence
 import ctypes
 from functools import cache
+import gc
 import importlib
 import json
 import os
@@ -22,6 +24,10 @@ import sys
 from typing import TextIO
 
 LOADED = ('vtrack_ros.ros.main', 'vtrack_ros.ros.tracker_node', 'vtrack_ros.ros.lifecycle')
+#: Messages whose type support rclpy loads with the first publisher or subscription of each.
+MESSAGES = {'diagnostic_msgs': 'DiagnosticArray', 'geometry_msgs': 'PoseStamped',
+            'rcl_interfaces': 'ParameterEvent', 'sensor_msgs': 'Image', 'std_msgs': 'Header',
+            'type_description_interfaces': 'TypeDescription', 'vision_msgs': 'Detection2DArray'}
 
 
 class ForkedProcess:
@@ -83,6 +89,7 @@ def _serve(requests: socket.socket) -> None:
     end_with_parent()
     for module in LOADED:
         importlib.import_module(module)
+    _warm_up()
     while True:
         text, (*files,), _, _ = socket.recv_fds(requests, 1 << 20, 2)
         if not text:
@@ -99,6 +106,19 @@ def _serve(requests: socket.socket) -> None:
             os.wait()
         except ChildProcessError:
             return
+
+
+def _warm_up() -> None:
+    """Load what a node loads later; no thread may come of it, since a fork has none."""
+    import cv2
+    from rclpy.type_support import check_is_valid_msg_type
+    from vtrack_ros.session.session import TrackingSession
+    cv2.setNumThreads(1)
+    TrackingSession().warm_up()
+    for package, message in MESSAGES.items():
+        check_is_valid_msg_type(getattr(importlib.import_module(f'{package}.msg'), message))
+    gc.collect()
+    gc.freeze()
 
 
 def _keep(status: int, output: int, module: str, function: str, arguments: list[str],
