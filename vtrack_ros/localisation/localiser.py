@@ -23,9 +23,9 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 #: A target that's beyond question is verified in every second frame too; it's questionable where
 #: the response is below this share of the usual one, or where it wasn't always good enough before.
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
-#: How much the first frame has to say about the size, while the target looks as it did then. What
-#: is learned last only compares with what was learned before, and the errors add up.
-_ANCHOR = 0.05
+#: How much the first frame has to say about the size, by as much as the target looks as it did
+#: then. What is learned last only compares with what was learned before, and the errors add up.
+_ANCHOR = 0.1
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
 #: The least and the largest factor of the first size.
@@ -180,7 +180,7 @@ class Localiser:
             growth = model.growth(window, shift)
             if self._failure is None and self._similarity >= ALWAYS_GOOD:
                 since_first = self._first_scale.growth(window.grey, window.sample_at(shift))
-                growth *= since_first ** _ANCHOR
+                growth *= since_first ** (_ANCHOR * self._similarity)
             self._growing = abs(math.log(growth)) > _GROWING
             size = self._bounded((window.size[0] * growth, window.size[1] * growth))
             model = model.with_scale(window, shift, growth)
