@@ -1,7 +1,7 @@
 """
 What confidence is worth: wrong boxes against false alarms, as `confidence_threshold` is varied.
 
-`python benchmarks/presence.py` follows the targets of the shared sequences, plain and under
+`python benchmarks/operating_point.py` follows the targets of the shared sequences, plain and under
 stress, and writes docs/results/presence.md and docs/images/presence.svg: those on which constants
 were tuned, and the others. A box is wrong where the state is TRACKING and its overlap with the
 target is below 0.1, or the target hidden; a false alarm, where it isn't TRACKING though the
@@ -130,7 +130,7 @@ def main() -> None:
     text = f"""# What confidence is worth
 
 The first {arguments.frames} frames of {len(cut)} targets of the shared sequences, seed
-{arguments.seed}; `python benchmarks/presence.py` writes this page. A box is wrong where the state
+{arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong where the state
 is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm is a
 frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at
 `confidence_threshold` 0.5; the AUROC is over all frames. The weights of the evidence were found on
