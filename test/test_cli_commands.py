@@ -167,10 +167,10 @@ def test_synth(tmp_path, options, storage, capsys):
     """The bag has the scene's frames at the rate, and its truth; twice the same bytes."""
     for name in ('one', 'two'):
         assert main(['synth', 'face_fast', '--out', str(tmp_path / name), '--frames', '5',
-                     '--rate', '50', '--seed', '2', '--size', '160x120', *options]) == 0
+                     '--rate', '50', '--seed', '2', '--size', '80x60', *options]) == 0
     with BagReader(tmp_path / 'one') as bag:
         images, truth = list(bag.frames()), bag.truth()
-    shots = list(render('face_fast', (160, 120), 5, 2))
+    shots = list(render('face_fast', (80, 60), 5, 2))
     assert len(images) == 5
     for image, shot in zip(images, shots):
         assert np.array_equal(image.frame, shot.frame)
@@ -246,7 +246,7 @@ def command(*arguments, **options):
 
 def test_interrupted(tmp_path):
     """Ctrl-C: 130, no traceback, no half bag."""
-    process = command('synth', 'helicopter', '--out', str(tmp_path / 'bag'),
+    process = command('synth', 'face_fast', '--frames', '100000', '--out', str(tmp_path / 'bag'),
                       start_new_session=True)
     # The first line of progress says that it's in the midst of it.
     assert 'frames' in process.stderr.readline()
