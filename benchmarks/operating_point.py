@@ -130,9 +130,9 @@ def main() -> None:
     text = f"""# What confidence is worth
 
 The first {arguments.frames} frames of {len(cut)} targets of the shared sequences, seed
-{arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong where the state
-is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm is a
-frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at
+{arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong where the
+state is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm
+is a frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at
 `confidence_threshold` 0.5; the AUROC is over all frames. The weights of the evidence were found on
 both halves, each weighed on the other (see [decisions](../decisions.md)).
 
