@@ -7,7 +7,8 @@ Messages come as CDR, as they're in a bag; a node has them from ROS itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 import json
 from pathlib import Path
 import tempfile
@@ -33,9 +34,16 @@ _NO_MESSAGE = (ValueError, IndexError, AssertionError, OverflowError, MemoryErro
 #: Larger frames than this are not made from so few bytes.
 _LARGEST = 1 << 22
 
-_FOLDER = Path(tempfile.mkdtemp(prefix='fuzzing-', dir='/dev/shm' if Path('/dev/shm').is_dir()
-                                else None))
+#: Files are written in memory, where there is such a folder: there are thousands a second.
+_MEMORY = '/dev/shm' if Path('/dev/shm').is_dir() else None
 _GROUND = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    """Make a folder for as long as it's needed."""
+    with tempfile.TemporaryDirectory(prefix='fuzzing-', dir=_MEMORY) as folder:
+        yield Path(folder)
 
 
 def _message(data: bytes, kind: str) -> Any:
@@ -142,25 +150,21 @@ def parameters(data: bytes) -> None:
 
 def truth(data: bytes) -> None:
     """Read a table of true boxes."""
-    path = _FOLDER / 'truth.csv'
-    path.write_bytes(data)
-    try:
+    with _folder() as folder, suppress(BagError):
+        path = folder / 'truth.csv'
+        path.write_bytes(data)
         read_truth(path)
-    except BagError:
-        pass
 
 
 def _bag(data: bytes, ending: str) -> None:
-    path = _FOLDER / f'bag{ending}'
-    path.write_bytes(data)
-    try:
+    with _folder() as folder, suppress(BagError):
+        path = folder / f'bag{ending}'
+        path.write_bytes(data)
         with BagReader(path) as bag:
             for number, image in enumerate(bag.frames(malformed=[])):
                 _sound(image.frame)
                 if number > 9:
                     break
-    except BagError:
-        pass
 
 
 def bag_mcap(data: bytes) -> None:
@@ -180,16 +184,12 @@ def bag_ros1(data: bytes) -> None:
 
 def bag_metadata(data: bytes) -> None:
     """Read the YAML beside a bag."""
-    folder = _FOLDER / 'folder'
-    folder.mkdir(exist_ok=True)
-    (folder / 'metadata.yaml').write_bytes(data)
-    (folder / 'bag.mcap').touch()
-    try:
+    with _folder() as folder, suppress(BagError):
+        (folder / 'metadata.yaml').write_bytes(data)
+        (folder / 'bag.mcap').touch()
         with BagReader(folder) as bag:
             for _ in bag.frames():
                 break
-    except BagError:
-        pass
 
 
 TARGETS: dict[str, Callable[[bytes], None]] = {one.__name__: one for one in (
