@@ -14,8 +14,8 @@ def write_short_bag(path: Path, repository: Path, frames: int = 10) -> Path:
     return path
 
 
-def write_slow_bag(path: Path, frames: int = 300, pace: float = 1 / 8) -> Path:
-    """Write a bag whose target hardly moves, or rests: it's kept though frames are missed."""
+def write_slow_bag(path: Path, frames: int = 300) -> Path:
+    """Write a bag whose target hardly moves, so that it's kept though frames are missed."""
     from node_harness import Scene, STEP
     import numpy as np
 
@@ -25,7 +25,7 @@ def write_slow_bag(path: Path, frames: int = 300, pace: float = 1 / 8) -> Path:
     with BagWriter(path) as writer:
         for index in range(frames):
             noise = rng.integers(0, 5, (scene.height, scene.width, 3), np.uint8)
-            stamp, place = 10**10 + STEP * index, int(pace * index)
+            stamp, place = 10**10 + STEP * index, index // 8
             writer.write_frame(scene.frame(place) + noise, stamp)
             writer.write_truth(scene.box(place), stamp)
     return path

@@ -1,15 +1,41 @@
 """The page in a real browser, as a person uses it."""
 
 import asyncio
+from contextlib import contextmanager
+from itertools import count
+from threading import Event, Thread
 
-from bag_material import write_slow_bag
 from browser import CHROMIUM, open_page
 import cv2
-from node_harness import NodeProcess, Scene
+from node_harness import Client, image_message, NodeProcess, Scene, STEP
+import numpy as np
 import pytest
-from test_select import playing, serving
+from test_select import serving
 
 from vtrack_ros.geometry import Box
+
+
+@contextmanager
+def camera(scene):
+    """Send images of a target at rest, ten a second, until the event that it gives hides it."""
+    hidden, done = Event(), Event()
+
+    def send():
+        rng = np.random.default_rng(0)
+        for index in count():
+            if done.wait(0.1):
+                return
+            noise = rng.integers(0, 5, (scene.height, scene.width, 3), np.uint8)
+            frame = scene.frame(0, visible=not hidden.is_set())
+            client.images.publish(image_message(frame + noise, 10**10 + STEP * index))
+    with Client() as client:
+        thread = Thread(target=send)
+        thread.start()
+        try:
+            yield hidden
+        finally:
+            done.set()
+            thread.join()
 
 
 async def on_page(page, *points):
@@ -23,10 +49,10 @@ async def on_page(page, *points):
 
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
 def test_in_a_browser(tmp_path):
-    """Drag, track, change the tracker, reset, click."""
-    bag, box = write_slow_bag(tmp_path / 'still', pace=0), Scene().box(0)
+    """Drag, track, change the tracker, reset, click, lose."""
+    box = Scene().box(0)
 
-    async def run(address):
+    async def run(address, hidden):
         async with open_page(address, tmp_path) as page:
             await page.until('document.readyState == "complete" && header != null')
             await page.until("$('state').textContent == 'waiting' "
@@ -57,6 +83,10 @@ def test_in_a_browser(tmp_path):
                              "name => $(name).getAttribute('d').split('L').length > 3)")
             await page.screenshot(tmp_path / 'page.png')
             assert cv2.imread(str(tmp_path / 'page.png')).shape[2] == 3
-    # Slowly: it must not begin again, with no target, in mid-test.
-    with NodeProcess(), serving() as address, playing(bag, 0.1):
-        asyncio.run(run(address))
+            hidden.set()
+            await page.until("!header.box && $('state').textContent == 'searching'")
+            hidden.clear()
+            await page.until("header.box && $('state').textContent == 'tracking'")
+            assert Box(*await page.value('header.box')).iou(box) > 0.4
+    with NodeProcess(), serving() as address, camera(Scene()) as hidden:
+        asyncio.run(run(address, hidden))
