@@ -57,6 +57,8 @@ def test_in_a_browser(tmp_path):
             await page.until('document.readyState == "complete" && header != null')
             await page.until("$('state').textContent == 'waiting' "
                              "&& $('parameters').children.length > 0")
+            # the node receives images, and can go back to the one that is drawn on
+            await page.until("$('ms').textContent != '-'")
             # its shape is the picture's from the first one on
             await page.until('canvas.width * 3 == canvas.height * 4')
             await page.painted()
@@ -70,6 +72,10 @@ def test_in_a_browser(tmp_path):
             assert await page.value(
                 "[...$('parameters').children].filter(one => !one.hidden)"
                 '.map(one => one.dataset.owner).join()') == ',abmspf'
+            await page.value("(() => { const one = [...document.querySelectorAll('[type=range]')]"
+                             ".find(one => one.ariaLabel == 'abmspf.particles'); "
+                             'one.value = 0.2; one.oninput(); one.onchange(); })()')
+            await page.until("$('told').textContent == 'abmspf.particles is 81'")
             await page.value("$('reset').click()")
             await page.until("$('state').textContent == 'waiting'")
             await page.painted()

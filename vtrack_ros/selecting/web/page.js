@@ -253,7 +253,24 @@ function input(row) {
     ask({do: 'set', name: row.name, kind: row.kind, value});
   };
   label.append(field);
+  if ('low' in row && 'high' in row) label.append(slider(row, field));
   return label;
+}
+
+// Beside a number with bounds; finer near the lower one, where most values are.
+function slider(row, field) {
+  const one = document.createElement('input'), range = row.high - row.low;
+  const follow = () => { one.value = Math.sqrt((field.value - row.low) / range); };
+  Object.assign(one, {type: 'range', min: 0, max: 1, step: 'any'});
+  one.setAttribute('aria-label', row.name);
+  one.oninput = () => {
+    const value = row.low + range * one.value ** 2;
+    field.value = row.kind === 'int' ? Math.round(value) : Number(value.toPrecision(3));
+  };
+  one.onchange = field.onchange;
+  field.oninput = follow;
+  follow();
+  return one;
 }
 
 const want = () => ask({do: 'particles', on: $('particles').checked});
