@@ -170,8 +170,9 @@ def test_box(address, truth):
             box = truth[int(picture['stamp'])]
             await seen.ask(do='box', stamp=picture['stamp'], x=box.x, y=box.y, width=box.width,
                            height=box.height)
-            picture = await seen.until(lambda one: len(one['trail']) > 5)
-            assert state('tracking')(picture) and overlap(picture, truth) > 0.4
+            picture = await seen.until(
+                lambda one: len(one['trail']) > 5 and state('tracking')(one))
+            assert overlap(picture, truth) > 0.4
             assert float(picture['state']['confidence']) > 0.3
             assert float(picture['state']['ms_per_frame']) > 0
             xx, xy, yy = picture['covariance']
@@ -383,7 +384,7 @@ def test_record(address, truth, bag, recordings):
             box = truth[int(picture['stamp'])]
             await seen.ask(do='box', stamp=picture['stamp'], x=box.x, y=box.y, width=box.width,
                            height=box.height)
-            await seen.until(lambda one: 'box' in one)
+            await seen.until(lambda one: len(one['trail']) > 2)
             await seen.ask(do='record', on=False)
             await seen.told('images are in ')
             await seen.ask(do='reset')
