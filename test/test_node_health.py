@@ -303,7 +303,7 @@ def test_large_images_that_are_lost_on_the_way_are_told_of():
     frame = np.zeros((480, 640, 3), np.uint8)
     with NodeProcess('-r', '__ns:=/far') as process, Client('/far/tracker') as client:
         client.ready()
-        index, step, began = 0, 3 * STEP, time.monotonic()
+        index, step, began = 0, 12 * STEP, time.monotonic()
         while '(said once)' not in process.log:
             assert time.monotonic() < began + 30, process.log
             index += 1 + (index % 4 == 0)

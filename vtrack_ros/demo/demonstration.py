@@ -16,7 +16,7 @@ import numpy as np
 from vtrack_ros.bags import BagError, BagReader
 from vtrack_ros.bags.messages import COMPRESSED_IMAGE
 from vtrack_ros.bags.topics import Topic
-from vtrack_ros.cli.arguments import box, seed
+from vtrack_ros.cli.arguments import box, positive_number, seed
 from vtrack_ros.cli.command_line import complain, in_words, negative_values, Parser
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.dds import reserve_domain, with_profile
@@ -47,6 +47,8 @@ def parser() -> argparse.ArgumentParser:
                         help='of the random numbers (default: %(default)s)')
     result.add_argument('--init-box', type=box, metavar='X,Y,WIDTH,HEIGHT',
                         help="the target on the first frame, in pixels (default: the bag's truth)")
+    result.add_argument('--rate', type=positive_number, default=1.0, metavar='R',
+                        help='twice as fast at 2 (default: %(default)s)')
     result.add_argument('--camera', nargs='?', const='0', metavar='N|VIDEO',
                         help='instead: track what a webcam (its number) or a video file shows, '
                         'and choose the target in the browser; a scene where there is no camera')
@@ -97,9 +99,9 @@ def _demonstrate(options: argparse.Namespace) -> int:
         print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
               f'{options.tracker}, seed {options.seed}')
         show = ProgressBar('frames')
-        sent, answers = run(
-            _node_arguments(options, start, topic), [str(options.bag), '--topic', topic.name],
-            options.out, lambda done: show(done, topic.count))
+        player = [str(options.bag), '--topic', topic.name, '--rate', str(options.rate)]
+        sent, answers = run(_node_arguments(options, start, topic), player, options.out,
+                            lambda done: show(done, topic.count))
         figures = summarise(answers, truth, sent)
         print(figures_table(figures))
         with Film(options.out, bag.rate(topic.name), topic.count) as film:

@@ -162,7 +162,8 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
         if processing[0] > interval:
             reason = (f'a frame takes {processing[0]:.1f} ms: choose a faster tracker or fewer '
                       'particles')
-        elif latency[1] > interval:
+        elif np.percentile(flow.latency or [0.0], 100 * (1 - share / 2)) > interval:
+            # half as many were late as are missing; a single one is no reason for many
             reason = 'and others are answered late: the processor or the network is busy'
         elif flow.largest > SHARED_MEMORY // 2:
             reason = _PROFILE_ADVICE
