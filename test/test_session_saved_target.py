@@ -58,7 +58,7 @@ def test_a_target_that_is_gone_is_not_tracked(tracker):
     session = TrackingSession(tracker, seed=1)
     session.take_up(data.frame(), data.stamp, data.box, data.interval)
     states = [session.update(video.frame(None), STEP * index).state for index in range(30, 40)]
-    assert TrackState.TRACKING not in states[3:]
+    assert TrackState.TRACKING not in states[6:]
 
 
 def test_text_says_it_all(target):

