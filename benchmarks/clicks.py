@@ -14,7 +14,7 @@ from pathlib import Path
 import time
 
 import numpy as np
-from stress import TUNED
+from shared_sequences import FOLDER, is_tuned
 
 from vtrack_ros.appearance.extent import find_extent
 from vtrack_ros.evaluation import find_sequences, Sequence
@@ -62,7 +62,7 @@ def scores(sequence: Sequence, find: Callable[[Frame, float, float], Box] | None
 def main() -> None:
     """Measure and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results' / 'clicks.md')
     arguments = parser.parse_args()
     sequences, _ = find_sequences(arguments.sequences)
@@ -74,11 +74,11 @@ def main() -> None:
         for one in sequences:
             for name, find in (*METHODS.items(), ('true box', None)):
                 found[one.name][name] = scores(one, find)
-            tuned = one.name.split('.')[0] in TUNED
+            tuned = is_tuned(one.name)
             of_each.append([one.name, 'yes' if tuned else '', *(
                 f'{found[one.name][name][0]:.2f}' for name in METHODS)])
     for half, title in halves.items():
-        names = [name for name in found if (name.split('.')[0] in TUNED) is half]
+        names = [name for name in found if is_tuned(name) is half]
         for method in (*METHODS, 'true box'):
             table = np.array([found[name][method] for name in names])
             mean = table.mean(axis=0)

@@ -10,7 +10,6 @@ kind, in the middle.
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 import os
 from pathlib import Path
 import sys
@@ -18,11 +17,10 @@ import sys
 import numpy as np
 from result_files import write_json
 from sequences import difference, interval
-from stress import TUNED
+from shared_sequences import FOLDER as SEQUENCES, folder_sequences, is_tuned
 
 from vtrack_ros.cli.progress import ProgressBar
-from vtrack_ros.evaluation import (
-    evaluate, find_sequences, FolderSequence, Results, TrackerSpecification)
+from vtrack_ros.evaluation import evaluate, Results, TrackerSpecification
 from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.stress import frame_size, stressed_sequence
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
@@ -42,15 +40,13 @@ def main(argv: list[str] | None = None) -> int:
         print(f'{FOLDER} has to name the folder of the networks', file=sys.stderr)
         return 2
     trackers = _trackers(Path(os.environ[FOLDER]))
-    found = [one for one in find_sequences(arguments.sequences)[0]
-             if isinstance(one, FolderSequence)]
-    plain = evaluate(trackers, _cut(found, arguments.frames), arguments.seeds, arguments.jobs,
-                     ProgressBar('runs'))
+    whole, _ = folder_sequences(arguments.sequences, arguments.frames)
+    short, _ = folder_sequences(arguments.sequences, arguments.stressed)
+    plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'))
     kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
     stressed = {kind: evaluate(trackers, [
         stressed_sequence(one, kind, _severity(kind), 0, frame_size(one))
-        for one in _cut(found, arguments.stressed)], 1, arguments.jobs, ProgressBar(kind))
-        for kind in kinds}
+        for one in short], 1, arguments.jobs, ProgressBar(kind)) for kind in kinds}
     problems = [str(one) for results in (plain, *stressed.values()) for one in results.problems]
     for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)
@@ -76,10 +72,6 @@ def _trackers(folder: Path) -> list[TrackerSpecification]:
         TrackerSpecification(ALONE, 'opencv_nano', (('backbone', backbone), ('head', head)))]
 
 
-def _cut(found: list[FolderSequence], frames: int) -> list[FolderSequence]:
-    return [replace(one, truth=one.truth[:frames], images=one.images[:frames]) for one in found]
-
-
 def _severity(kind: str) -> float:
     severities = tuple(STRESS_KINDS[kind].severities)
     return severities[len(severities) // 2]
@@ -90,7 +82,7 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
              f'AUC minus {ALONE} [95 %]']]
     for label, scores in plain.summary.items():
         halves = ([row[label]['auc'] for name, row in plain.by_sequence.items()
-                   if (name.split('.')[0] in TUNED) is tuned] for tuned in (True, False))
+                   if is_tuned(name) is tuned] for tuned in (True, False))
         rows.append([label, *(number_text(scores[key], key) for key in COLUMNS),
                      *(f'{np.mean(half):.3f}' for half in halves),
                      '-' if label == ALONE else _gap(difference(plain, label, ALONE))])
@@ -129,7 +121,7 @@ def _gap(values: tuple[float, float, float]) -> str:
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
-    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--sequences', type=Path, default=SEQUENCES)
     parser.add_argument('--frames', type=int, default=150)
     parser.add_argument('--stressed', type=int, default=60, metavar='FRAMES')
     parser.add_argument('--kinds', default='all', metavar='A,B,...')

@@ -45,22 +45,59 @@ class Bench:
                 raise RuntimeError(what)
             self.executor.spin_once(timeout_sec=0.02)
 
+    def rest(self, seconds: float) -> None:
+        """Spin for a while."""
+        end = time.perf_counter() + seconds
+        while (left := end - time.perf_counter()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+
     def stream(self, publisher: Any, messages: Sequence[Any], rate: float, count: int,
                began: list[int], first: int) -> None:
         """Publish `count` images at a rate, spinning meanwhile; notes when each was sent."""
         due = time.perf_counter()
         for index in range(count):
-            while (left := due - time.perf_counter()) > 0:
-                self.executor.spin_once(timeout_sec=left)
+            self.rest(due - time.perf_counter())
             message = messages[(first + index) % len(messages)]
             stamp = (first + index) * round(1e9 / rate)
             message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
             began.append(time.perf_counter_ns())
             publisher.publish(message)
             due += 1 / rate
-        settled = time.perf_counter() + 0.3
-        while (left := settled - time.perf_counter()) > 0:
-            self.executor.spin_once(timeout_sec=left)
+        self.rest(0.3)
+
+
+class Answers:
+    """What comes back for the images that were sent: how soon, and with the target or not."""
+
+    def __init__(self) -> None:
+        self._sent: dict[int, int] = {}
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin to count anew; what was sent before isn't heard of any more."""
+        self._sent.clear()
+        self.latency_ms: list[float] = []
+        self.found = 0
+
+    def send(self, publisher: Any, image: Any, stamp: int) -> None:
+        """Publish an image with a stamp in nanoseconds."""
+        image.header.stamp.sec, image.header.stamp.nanosec = divmod(stamp, 10**9)
+        self._sent[stamp] = time.perf_counter_ns()
+        publisher.publish(image)
+
+    def hear(self, message: Any) -> None:
+        """Count the detections of one image."""
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        if stamp in self._sent:
+            self.latency_ms.append((time.perf_counter_ns() - self._sent.pop(stamp)) / 1e6)
+            self.found += bool(message.detections)
+
+    def percentiles(self) -> tuple[float, float]:
+        """Return the latency's median and 99th percentile in milliseconds; NaN without answers."""
+        if not self.latency_ms:
+            return np.nan, np.nan
+        p50, p99 = np.percentile(self.latency_ms, (50, 99))
+        return float(p50), float(p99)
 
 
 @contextmanager

@@ -11,8 +11,7 @@ overlap is above 0.5. Shares are means over targets.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 
 from joblib import delayed, Parallel
@@ -20,10 +19,11 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
-from stress import TUNED
+from shared_sequences import FOLDER, folder_sequences, is_tuned
 
-from vtrack_ros.evaluation import find_sequences, FolderSequence
+from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.calibration import auroc
+from vtrack_ros.evaluation.charts import colour
 from vtrack_ros.evaluation.metrics import off_target, on_target, overlaps
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
@@ -64,7 +64,7 @@ def follow(tracker: str, kind: str, seed: int, sequence: FolderSequence) -> Reco
                           stressed.first_box, stressed.steps)
     overlap = overlaps(run.boxes, stressed.truth)
     present = np.isfinite(stressed.truth[:, 0])
-    half = 'tuned' if sequence.images[0].parents[1].name in TUNED else 'others'
+    half = 'tuned' if is_tuned(sequence.name) else 'others'
     return Record(half, kind, run.confidences[1:], on_target(overlap)[1:],
                   off_target(overlap)[1:], (present[:-1] & ~present[1:]))
 
@@ -92,7 +92,7 @@ def draw(records: dict[str, list[Record]], path: Path) -> None:
     with rc_context({'svg.hashsalt': 'vtrack', 'svg.fonttype': 'none', 'font.size': 9}):
         figure = Figure(figsize=(8, 3.4), layout='constrained')
         for axes, (half, title) in zip(figure.subplots(1, 2, sharey=True), HALVES.items()):
-            for tracker, every in records.items():
+            for number, (tracker, every) in enumerate(records.items()):
                 for name, dashes in (('plain', '-'), ('under stress', '--')):
                     runs = [one for one in every if one.half == half
                             and (one.kind == 'plain') == (name == 'plain')]
@@ -100,7 +100,7 @@ def draw(records: dict[str, list[Record]], path: Path) -> None:
                         np.nanmean([one.alarms(at) for one in runs]),
                         np.mean([one.wrong(at) for one in runs])] for at in THRESHOLDS])
                     line, = axes.plot(*curve.T, dashes, label=f'{tracker}, {name}',
-                                      color='C0' if tracker == 'gmpf' else 'C1')
+                                      color=colour(number))
                     axes.plot(*curve[49], 'o', color=line.get_color())
             axes.set(title=title, xlabel='false alarms [%]', xlim=(0, 30), ylim=(0, None))
         figure.axes[0].set_ylabel('wrong boxes [%]')
@@ -111,25 +111,23 @@ def draw(records: dict[str, list[Record]], path: Path) -> None:
 def main() -> None:
     """Measure and write page and picture."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--trackers', default='gmpf,dcf')
     parser.add_argument('--frames', type=int, default=150)
     parser.add_argument('--seed', type=int, default=0)
     parser.add_argument('--jobs', type=int, default=2)
     arguments = parser.parse_args()
-    found, _ = find_sequences(arguments.sequences)
-    cut = [replace(one, truth=one.truth[:arguments.frames], images=one.images[:arguments.frames])
-           for one in found if isinstance(one, FolderSequence)]
+    found, _ = folder_sequences(arguments.sequences, arguments.frames)
     records = {tracker: list(Parallel(arguments.jobs)(
-        delayed(partial(follow, tracker, kind, arguments.seed))(one)
-        for kind in KINDS for one in cut)) for tracker in arguments.trackers.split(',')}
+        delayed(follow)(tracker, kind, arguments.seed, one)
+        for kind in KINDS for one in found)) for tracker in arguments.trackers.split(',')}
     draw(records, ROOT / 'docs' / 'images' / 'presence.svg')
     tables = '\n\n'.join(f'`{tracker}`:\n\n' + markdown([
         ['videos', 'stress', 'AUROC', 'wrong boxes', 'false alarms', 'gone in the same frame'],
         *rows(every)]) for tracker, every in records.items())
     text = f"""# What confidence is worth
 
-The first {arguments.frames} frames of {len(cut)} targets of the shared sequences, seed
+The first {arguments.frames} frames of {len(found)} targets of the shared sequences, seed
 {arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong where the
 state is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm
 is a frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at

@@ -16,6 +16,7 @@ from typing import Any
 from paper_experiments import page, qi, xiang, yin, zhu
 from paper_experiments.films import Laboratory
 from result_files import write_json
+from shared_sequences import FOLDER
 
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.results_json import environment
@@ -62,7 +63,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
                         '(default: ' + ', '.join(
                             f'{name} {usual}' for name, (_, usual) in PAPERS.items()) + ')')
     parser.add_argument('--sequences', type=Path, metavar='DIR',
-                        default=ROOT.parent / 'shared' / 'sequences',
+                        default=FOLDER,
                         help='where David, Crossing and Subway are')
     parser.add_argument('--json', type=Path, default=folder / 'papers.json', metavar='FILE',
                         help='(default: docs/results/papers.json)')

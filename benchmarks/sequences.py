@@ -15,6 +15,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 from result_files import write_json
+from shared_sequences import FOLDER
 
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, parse_trackers, Results
@@ -75,7 +76,7 @@ def interval(gaps: NDArray[np.float64]) -> tuple[float, float, float]:
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
-    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--trackers', default='all,papers,peers')
     parser.add_argument('--seeds', type=int, default=5)
     parser.add_argument('--jobs', type=int)

@@ -17,7 +17,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_scenarios.page import page
-from node_bench import Bench, child, cpu_seconds, rss_mb, scene, tracker_arguments
+from node_bench import Answers, Bench, child, cpu_seconds, rss_mb, scene, tracker_arguments
 import numpy as np
 from result_files import write_json
 from sensor_msgs.msg import Image
@@ -58,63 +58,44 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
     """Send images to a node for so many windows of so many seconds; return their figures."""
     images, box = scene(WIDTH, HEIGHT)
     period = round(1e9 / rate)
-    sent: dict[int, int] = {}
-    latency: list[float] = []
-    compute: list[float] = []
-    found = 0
-
-    def on_detections(message: Any) -> None:
-        nonlocal found
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        if stamp in sent:
-            latency.append((time.perf_counter_ns() - sent.pop(stamp)) / 1e6)
-            found += bool(message.detections)
-
-    def send(number: int, image: Any) -> None:
-        image.header.stamp.sec, image.header.stamp.nanosec = divmod(number * period, 10**9)
-        sent[number * period] = time.perf_counter_ns()
-        publisher.publish(image)
+    answers, compute = Answers(), list[float]()
 
     def on_state(message: Any) -> None:
         compute.extend(float(row.value) for row in message.values if row.key == 'ms_per_frame')
 
     publisher = bench.node.create_publisher(Image, '/ours/image', 10)
     hearing = [bench.node.create_subscription(kind, topic, hear, 1000) for kind, topic, hear in (
-        (Detection2DArray, '/ours/detections', on_detections),
+        (Detection2DArray, '/ours/detections', answers.hear),
         (DiagnosticStatus, '/ours/tracker/state', on_state))]
     results = []
     with child(*tracker_arguments('ours', 'gmpf', box)) as process:
         bench.until(lambda: publisher.get_subscription_count()
                     and all(one.get_publisher_count() for one in hearing), 'no node was found')
         count, number = round(seconds * rate), 0
-        while not found:
+        while not answers.found:
             # The box is that of the first image, whichever of these comes first.
             number += len(images)
-            send(number, images[0])
+            answers.send(publisher, images[0], number * period)
             bench.executor.spin_once(timeout_sec=0.1)
         due = time.perf_counter()
         for _ in range(windows):
-            latency.clear()
+            answers.clear()
             compute.clear()
-            sent.clear()
-            found, cpu, before = 0, cpu_seconds(process.pid), machine_ticks()
+            cpu, before = cpu_seconds(process.pid), machine_ticks()
             for _ in range(count):
                 number += 1
-                send(number, images[number % len(images)])
+                answers.send(publisher, images[number % len(images)], number * period)
                 due += 1 / rate
-                while (left := due - time.perf_counter()) > 0:
-                    bench.executor.spin_once(timeout_sec=left)
+                bench.rest(due - time.perf_counter())
             # The answers to the last ones.
-            settled = time.perf_counter() + 0.2
-            while (left := settled - time.perf_counter()) > 0:
-                bench.executor.spin_once(timeout_sec=left)
+            bench.rest(0.2)
             due = time.perf_counter()
             stolen, all_ticks = np.subtract(machine_ticks(), before)
-            p50, p99 = np.percentile(latency, (50, 99)) if latency else (np.nan, np.nan)
+            answered = len(answers.latency_ms)
             window = Window(
-                count, len(latency), found, float(p50), float(p99),
+                count, answered, answers.found, *answers.percentiles(),
                 float(np.median(compute)) if compute else float('nan'),
-                1e3 * (cpu_seconds(process.pid) - cpu) / max(1, len(latency)), rss_mb(process.pid),
+                1e3 * (cpu_seconds(process.pid) - cpu) / max(1, answered), rss_mb(process.pid),
                 len(os.listdir(f'/proc/{process.pid}/fd')),
                 len(os.listdir(f'/proc/{process.pid}/task')), float(stolen / max(1, all_ticks)))
             tell(window)

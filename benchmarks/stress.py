@@ -9,7 +9,6 @@ docs/images/stress.svg.
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 import math
 from pathlib import Path
 import sys
@@ -17,9 +16,10 @@ import sys
 import numpy as np
 from result_files import write_json
 from sequences import interval
+from shared_sequences import FOLDER, folder_sequences, is_tuned
 
 from vtrack_ros.cli.progress import ProgressBar
-from vtrack_ros.evaluation import find_sequences, FolderSequence, parse_trackers
+from vtrack_ros.evaluation import parse_trackers
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.charts import colour
 from vtrack_ros.evaluation.results_json import environment
@@ -33,10 +33,6 @@ from vtrack_ros.evaluation.table import markdown, number_text
 ROOT = Path(__file__).resolve().parents[1]
 #: What the chart shows.
 SCENE, KIND = 'scale_change', 'jumps'
-#: The videos on which constants were tuned.
-TUNED = frozenset((
-    'Bird2', 'Couple', 'Crossing', 'David', 'Dog1', 'DragonBaby', 'FaceOcc1', 'Football1',
-    'Freeman1', 'Human7', 'Jogging1', 'Man', 'MotorRolling', 'Toy', 'VOT_ball1'))
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -45,14 +41,11 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.chart:
         _write_chart(ROOT / 'docs' / 'images' / 'stress.svg', arguments)
         return 0
-    found, broken = find_sequences(arguments.sequences)
-    cut = [replace(one, truth=one.truth[:arguments.frames], images=one.images[:arguments.frames])
-           for one in found if isinstance(one, FolderSequence)]
+    found, broken = folder_sequences(arguments.sequences, arguments.frames)
     if arguments.only:
-        cut = [one for one in cut if one.name in arguments.only.split(',')]
-    halves = {
-        'tuned': [one for one in cut if one.images[0].parents[1].name in TUNED],
-        'others': [one for one in cut if one.images[0].parents[1].name not in TUNED]}
+        found = [one for one in found if one.name in arguments.only.split(',')]
+    halves = {'tuned': [one for one in found if is_tuned(one.name)],
+              'others': [one for one in found if not is_tuned(one.name)]}
     results = {half: evaluate_stress(
         parse_trackers(arguments.trackers), sequences, stress_kinds(arguments.kinds),
         arguments.seeds, arguments.jobs, ProgressBar('runs'), RunCache(default_folder()))
@@ -110,7 +103,7 @@ def gaps(stress: StressResults, tracker: str, kinds: tuple[str, ...]) -> dict[st
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
-    parser.add_argument('--sequences', type=Path, default=ROOT.parent / 'shared' / 'sequences')
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--chart', action='store_true',
                         help=f'write the chart of {SCENE} alone')
     parser.add_argument('--only', metavar='A,B,...', help='only these targets')

@@ -21,7 +21,7 @@ from typing import Any
 
 import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
-from node_bench import Bench, scene, tracker_arguments
+from node_bench import Answers, Bench, scene, tracker_arguments
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from result_files import write_json
@@ -111,23 +111,12 @@ def send(transport: str, reliability: str, seconds: float) -> None:
             images[index].data = cv2.imencode('.jpg', pixels)[1].tobytes()
     for image in images:
         image.header.frame_id = 'camera'
-    sent: dict[int, int] = {}
-    latency: list[float] = []
-    missing: list[int] = []
-    found = 0
-
-    def on_detections(message: Any) -> None:
-        nonlocal found
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
-        if stamp in sent:
-            latency.append((time.perf_counter_ns() - sent.pop(stamp)) / 1e6)
-            found += bool(message.detections)
-
+    answers, missing = Answers(), list[int]()
     publisher = bench.node.create_publisher(
         type(images[0]), '/ours/image' + '/compressed' * (transport == 'compressed'),
         QoSProfile(depth=5, reliability=getattr(ReliabilityPolicy, reliability.upper())))
     hearing = [bench.node.create_subscription(Detection2DArray, '/ours/detections',
-                                              on_detections, 100),
+                                              answers.hear, 100),
                bench.node.create_subscription(
                    DiagnosticStatus, '/ours/tracker/state', lambda message: missing.extend(
                        int(row.value) for row in message.values if row.key == 'frames_missing'),
@@ -136,21 +125,15 @@ def send(transport: str, reliability: str, seconds: float) -> None:
                 and all(one.get_publisher_count() for one in hearing), 'no node was found')
     count, began = round(RATE * seconds), time.perf_counter()
     for number in range(1, count + 1):
-        stamp = number * 10**9 // RATE
         # The box of the node is that of the first image, which may be lost.
-        image = images[number % len(images) if found else 0]
-        image.header.stamp.sec, image.header.stamp.nanosec = divmod(stamp, 10**9)
-        sent[stamp] = time.perf_counter_ns()
-        publisher.publish(image)
-        while (left := began + number / RATE - time.perf_counter()) > 0:
-            bench.executor.spin_once(timeout_sec=left)
-    until = time.perf_counter() + 1.5
-    while (left := until - time.perf_counter()) > 0:
-        bench.executor.spin_once(timeout_sec=left)
-    p50, p99 = np.percentile(latency, (50, 99)) if latency else (np.nan, np.nan)
-    print(json.dumps({'sent': count, 'answered': len(latency), 'found': found,
+        image = images[number % len(images) if answers.found else 0]
+        answers.send(publisher, image, number * 10**9 // RATE)
+        bench.rest(began + number / RATE - time.perf_counter())
+    bench.rest(1.5)
+    p50, p99 = answers.percentiles()
+    print(json.dumps({'sent': count, 'answered': len(answers.latency_ms), 'found': answers.found,
                       'reported_missing': missing[-1] if missing else None,
-                      'ms_p50': float(p50), 'ms_p99': float(p99)}))
+                      'ms_p50': p50, 'ms_p99': p99}))
     bench.close()
 
 

@@ -92,7 +92,7 @@ def test_topics(capsys):
 
 
 def test_lost_images(capsys):
-    """Without the profile large images are lost on the way; it says how many, and what to do."""
+    """Without the profile large images are lost, on a busy machine all; it says what to do."""
     environment = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     camera = subprocess.Popen([sys.executable, '-c', CAMERA], env=environment)
     try:
@@ -103,6 +103,6 @@ def test_lost_images(capsys):
         camera.kill()
         camera.wait()
     assert code == 1
-    assert 'lost on the way' in starting(found, 'wrong /camera/image_raw')
-    assert 'fastdds.xml: such images' in found[found.index(
-        starting(found, 'wrong /camera/image_raw')) + 1]
+    line = starting(found, 'wrong /camera/image_raw')
+    assert 'lost on the way' in line or 'no image came' in line
+    assert 'fastdds.xml' in found[found.index(line) + 1]

@@ -52,7 +52,7 @@ def flood(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
         took = time.perf_counter() - due + seconds
         sender.index += round(seconds * RATE) + 1
         # A selection counts on the next image: not on one of the flood's last.
-        sender.rest(1.0)
+        sender.bench.rest(1.0)
         sender.select()
         return sender.row([sender.recovery()], rate_hz=1000 * seconds / took,
                           growth_mb=rss_mb(process.pid) - before)
@@ -66,7 +66,7 @@ def huge(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
         before = rss_mb(process.pid)
         sender.index += 1
         sender.send(image=image)
-        sender.rest(seconds)
+        sender.bench.rest(seconds)
         heard = sender.answers
         sender.index += round(seconds * RATE)
         if heard:

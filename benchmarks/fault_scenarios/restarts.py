@@ -35,11 +35,11 @@ def publisher_killed(sender: Sender, seconds: float, kills: int) -> dict[str, An
                 sender.bench.executor.spin_once(timeout_sec=0.1)
             if kill:
                 times.append(time.time() - began if sender.last_right else float('inf'))
-            sender.rest(0.5)
+            sender.bench.rest(0.5)
             process.kill()
             process.wait()
             # Its last answers are none to the next one's images.
-            sender.rest(0.3)
+            sender.bench.rest(0.3)
     return sender.row(times, kills=kills)
 
 
@@ -50,7 +50,7 @@ def send_as_camera() -> None:
     bench.until(sender.publisher.get_subscription_count, 'the node was not found')
     sender.index = time.time_ns() // PERIOD // WAY * WAY + WAY
     print(sender.index, flush=True)
-    sender.rest(max(0.0, sender.index * PERIOD / 1e9 - time.time()))
+    sender.bench.rest(max(0.0, sender.index * PERIOD / 1e9 - time.time()))
     sender.index -= 1
     sender.stream(3600)
 

@@ -64,12 +64,6 @@ class Sender:
         self.publisher.publish(image)
         self.sent += 1
 
-    def rest(self, seconds: float) -> None:
-        """Listen for a while."""
-        until = time.perf_counter() + seconds
-        while (left := until - time.perf_counter()) > 0:
-            self.bench.executor.spin_once(timeout_sec=left)
-
     def stream(self, seconds: float, send: Callable[[int], None] | None = None) -> None:
         """Send images in pace; `send` sends that of a number otherwise."""
         due = time.perf_counter()
@@ -77,8 +71,8 @@ class Sender:
             self.index += 1
             send(number) if send else self.send()
             due += 1 / RATE
-            self.rest(due - time.perf_counter())
-        self.rest(0.2)
+            self.bench.rest(due - time.perf_counter())
+        self.bench.rest(0.2)
 
     def recovery(self) -> float:
         """Send images until the target is tracked; return how long that took, or infinity."""
@@ -92,7 +86,7 @@ class Sender:
         box = truth(self.index + 1)
         self.selection.publish(RegionOfInterest(
             x_offset=int(box.x), y_offset=int(box.y), width=SIDE, height=SIDE))
-        self.rest(0.1)
+        self.bench.rest(0.1)
 
     def row(self, recovered: list[float], **more: Any) -> dict[str, Any]:
         """Return the figures of a fault."""
@@ -143,4 +137,4 @@ def show_target(sender: Sender) -> None:
     while not sender.right:
         sender.index = (sender.index // WAY + 1) * WAY
         sender.send()
-        sender.rest(0.1)
+        sender.bench.rest(0.1)

@@ -94,7 +94,10 @@ def _of_topic(topic: Any) -> Iterator[Finding]:
     text = (f'{topic.name}: {kind}, from {", ".join(topic.publishers)} to '
             f'{", ".join(topic.subscribers) or "nobody"}')
     if not topic.received:
-        yield Finding(f'{text}: no image came', 'does the driver run, and send?', wrong=True)
+        # The middleware counts what was lost only when something arrives after it.
+        yield Finding(f'{text}: no image came',
+                      'does the driver run, and send? Large images may all be lost without '
+                      f'the profile: start it with {installation.profile_setting()}', wrong=True)
         return
     text += f'; {topic.form}, {topic.rate:.1f} Hz'
     total = topic.received + topic.lost

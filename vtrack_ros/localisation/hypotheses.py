@@ -158,7 +158,7 @@ class Hypotheses:
 
     def require(self, confidence: float) -> None:
         """Count the target as seen from this confidence on."""
-        for each in (self._leader, self._other):
+        for each in self._similarities:
             each.require(confidence)
 
     def move_to(self, center: Point) -> None:

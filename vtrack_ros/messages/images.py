@@ -121,6 +121,11 @@ def to_frame(message: Any) -> Frame:
     return _converted(pixels, encoding.convert)
 
 
+def decoded(message: Any) -> Frame:
+    """Return the frame of an Image or a CompressedImage; ValueError if it can't be read."""
+    return compressed_to_frame(message) if hasattr(message, 'format') else to_frame(message)
+
+
 def compressed_to_frame(message: Any) -> Frame:
     """
     Return the pixels of a compressed image message, JPEG or PNG.

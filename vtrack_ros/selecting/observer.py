@@ -14,8 +14,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import Detection2DArray
 
-from vtrack_ros.frame import Frame
-from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.messages.images import stamp_nanoseconds
 from vtrack_ros.ros.qos import Input
 
 if TYPE_CHECKING:
@@ -184,11 +183,6 @@ class Observer:
     def _on_log(self, message: Any) -> None:
         if message.name == self._target.strip('/').replace('/', '.') and message.level >= 30:
             self._said(str(message.msg))
-
-
-def decoded(message: Any) -> Frame:
-    """Return an image message's frame; ValueError if it can't be read."""
-    return compressed_to_frame(message) if hasattr(message, 'format') else to_frame(message)
 
 
 def _of_detection(answer: Any) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from vtrack_ros.bags import BagWriter, messages
-from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.messages.images import decoded, stamp_nanoseconds
 
 #: So much of the disk is left to others, in bytes.
 _LEFT = 2**29
@@ -35,8 +35,7 @@ class Recording:
     def add_image(self, message: Any) -> None:
         """Write an Image or a CompressedImage, as an Image; one that can't be read is left out."""
         try:
-            frame = compressed_to_frame(message) if hasattr(message, 'format') else (
-                to_frame(message))
+            frame = decoded(message)
         except ValueError:
             return
         header = message.header

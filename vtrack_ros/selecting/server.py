@@ -13,8 +13,8 @@ from aiohttp import web, WSMsgType
 import cv2
 
 from vtrack_ros.geometry import Box
+from vtrack_ros.messages.images import decoded
 from vtrack_ros.selecting.access import guard
-from vtrack_ros.selecting.observer import decoded
 from vtrack_ros.selecting.tracker_link import TrackerLink
 
 #: The longest message that a viewer may send, in bytes.
