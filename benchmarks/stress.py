@@ -43,7 +43,11 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     found, broken = folder_sequences(arguments.sequences, arguments.frames)
     if arguments.only:
-        found = [one for one in found if one.name in arguments.only.split(',')]
+        wanted = arguments.only.split(',')
+        if unknown := set(wanted) - {one.name for one in found}:
+            print(f'no such targets: {", ".join(sorted(unknown))}', file=sys.stderr)
+            return 2
+        found = [one for one in found if one.name in wanted]
     halves = {'tuned': [one for one in found if is_tuned(one.name)],
               'others': [one for one in found if not is_tuned(one.name)]}
     results = {half: evaluate_stress(

@@ -131,7 +131,7 @@ def write(figures: dict[str, dict[str, float]], load: float) -> None:
         f'`benchmarks/watched.py`, `gmpf`, VGA in colour at {RATE} Hz, {date.today()}, '
         f'{os.cpu_count()} cores, {platform.machine()}; load average at the start {load:.1f}. '
         "Node, publisher, the page's server and a viewer that takes every picture at once, all on "
-        'this machine, in turns.', '',
+        'this machine, in turns. A picture goes out again when the state beside it is newer.', '',
         '| | image to pose p50, ms | p99 | answered | CPU of the node | pictures a second |',
         '| --- | ---: | ---: | ---: | ---: | ---: |']
     lines += [
