@@ -1,9 +1,11 @@
 """
-The commands of the documentation: which there are, and whether those of `vtrack` do what they say.
+The commands of the documentation: which there are, and whether they do what they say.
 
 `python benchmarks/documented_commands.py [PAGE.md...]` runs each of them as it stands on its page,
-in a folder with short stand-ins for the bags, pictures and videos that the pages speak of. Those
-that run until Ctrl-C get it after a while. benchmarks/walkthrough.py does docs/start.md in order.
+and the examples in Python, in a folder with short stand-ins for the bags, pictures and videos that
+the pages speak of. Those that run until Ctrl-C get it after a while; of those that take hours the
+options are looked up. What isn't run is listed with the reason.
+benchmarks/walkthrough.py does docs/start.md in order.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import textwrap
 
 import cv2
 
@@ -26,36 +29,77 @@ from vtrack_ros.dds import reserve_domain
 from vtrack_ros.scenes import render
 
 ROOT = Path(__file__).resolve().parents[1]
-EXECUTABLES = ('tracker', 'tracker_lifecycle', 'vtrack')
-#: Others' programs.
-OTHERS = ('cd', 'colcon', 'dask', 'export', 'git', 'pip', 'rosdep', 'source')
+_NODE = 'from vtrack_ros.ros import main as m; import sys; sys.exit(m.{}())'
+#: How an executable of the package is started.
+EXECUTABLES = {'tracker': ['-c', _NODE.format('main')],
+               'tracker_lifecycle': ['-c', _NODE.format('lifecycle_main')],
+               'vtrack': ['-m', 'vtrack_ros.cli.command_line']}
+#: Others' programs, and why they aren't run here.
+OTHERS = {
+    **dict.fromkeys(('cd', 'export', 'source', 'git', 'ssh'), 'not of this package'),
+    'colcon': 'test/test_package.py builds and tests with it',
+    'rosdep': 'needs ROS 2 installed',
+    'pip': 'needs the network; test/test_package.py installs with it',
+    'dask': 'needs a cluster; test/test_evaluation_running.py has one',
+    'eval': 'test/test_cli_commands.py completes'}
+#: What else isn't run, by what stands in it.
+LEFT = {
+    'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
+    'ros2 launch': 'needs ROS 2 installed; test/test_node_files.py has the launch files',
+    'ros2 pkg': 'needs ROS 2 installed', 'ros2 bag': 'needs ROS 2 installed',
+    'ros2 run usb_cam': "needs ROS 2 installed; another package's",
+    'ros2 topic': 'needs ROS 2 installed; type and content are checked, test_node_*.py send such',
+    'ros2 param': 'needs ROS 2 installed; name and value are checked, test_node_parameters.py sets',
+    '--enclave': 'needs keys, which ros2 makes; test/test_security.py has the policy',
+    'tcp://HOST:8786': 'needs a cluster; test/test_evaluation_running.py has one',
+    'camera/left': 'needs a bag with that topic: test/test_bags_play.py',
+    'yolo_detections.py': 'needs yolo_msgs; test/test_documentation.py converts',
+    'example.py': "the page's program: test/test_node_alone.py runs it",
+    'scripts/setup': 'makes the environment that this runs in',
+    'scripts/test': 'runs all tests', 'test/test_': 'runs tests',
+    'scripts/peers': 'makes an environment of its own, with contributed trackers',
+    'walkthrough.py': 'does docs/start.md in order'}
+#: Who runs the programs in Python of a page that aren't run here.
+EXAMPLES_LEFT = {'README.md': 'test/test_documentation.py',
+                 'adding_a_tracker.md': 'test/test_documentation.py',
+                 'detector.md': 'test/test_documentation.py',
+                 'localisers.md': 'test/test_localisation_siamese.py',
+                 'node.md': 'test/test_node_alone.py'}
 PAGES = [page for page in (*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md'))
          if page.name != 'notebook.md']
-#: What isn't run here, and why.
-LEFT = {'steady': 'needs the example installed: test/test_trackers_installed.py',
-        'dask': 'needs a cluster: test/test_evaluation_running.py',
-        'select': 'needs a hand: benchmarks/walkthrough.py and test/test_select_browser.py',
-        'camera/left': 'needs a bag with that topic: test/test_bags_play.py',
-        'siamese': 'needs networks'}
+#: What runs until Ctrl-C.
+_ENDLESS = {'--loop', 'select', 'tracker', 'tracker_lifecycle', '--camera'}
 #: Frames of a stand-in, and how long a command that doesn't end may run, in seconds.
-FRAMES, ENDLESS = 12, 8.0
+FRAMES, PATIENCE = 12, 8.0
+
+
+def blocks(page: Path) -> Iterator[tuple[str, str]]:
+    """Return a page's blocks of code: the language, where it's said, and the text."""
+    text = page.read_text()
+    fenced = re.compile(r'^```(\w*)\n(.*?)^```', re.DOTALL | re.MULTILINE)
+    for found in fenced.finditer(text):
+        yield found[1], found[2]
+    for indented in re.findall(r'(?:^    .*\n|^\n)+', fenced.sub('', text), re.MULTILINE):
+        yield '', textwrap.dedent(indented).strip('\n')
 
 
 def lines(page: Path) -> Iterator[str]:
-    """Return the lines of a page's blocks that are no Python."""
-    language = None
-    for line in page.read_text().replace('\\\n', '').splitlines():
-        if line.startswith('```'):
-            language = line[3:] if language is None else None
-        elif language in ('', 'bash') or language is None and line.startswith('    '):
-            yield line.strip()
+    """Return the lines of a page's blocks of commands, and what its sentences quote."""
+    for language, text in blocks(page):
+        if language in ('', 'bash'):
+            yield from map(str.strip, text.replace('\\\n', '').splitlines())
+    prose = re.sub(r'^```.*?^```|^    .*?$', '', page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for quoted in re.findall('`([^`]+)`', prose):
+        # A program's name, with or without a verb, isn't a command.
+        if not re.fullmatch(r'(\S+ )*(\.venv/bin/)?vtrack( \w+)?|ros2( \w+){1,2}', quoted):
+            yield ' '.join(quoted.split())
 
 
 def commands(page: Path) -> Iterator[list[str]]:
     """Return the words of a page's commands; what isn't one has no known program."""
-    programs = '|'.join(map(re.escape, (*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3')))
+    programs = '|'.join((*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3'))
     for line in lines(page):
-        if re.match(rf'([A-Z_]+=\S+ )*(({programs}) |(\./)?scripts/|\.venv/bin/)', line):
+        if re.match(rf'([A-Z_]+=\S+ )*(({programs}) (?!=)|(\./)?scripts/|\.venv/bin/)', line):
             words = shlex.split(line.partition(' > ')[0], comments=True)
             while '=' in words[0]:
                 del words[0]
@@ -63,9 +107,35 @@ def commands(page: Path) -> Iterator[list[str]]:
             yield from filter(None, map(shlex.split, text.splitlines()))
 
 
+def arguments(words: list[str]) -> list[str] | str:
+    """Return what Python is to be given for a command, or why it isn't run."""
+    program, text = words[0].removeprefix('./'), ' '.join(words)
+    for key, reason in LEFT.items():
+        if key in text:
+            return reason
+    if program == 'pip' and 'steady_tracker' in text:
+        return ['-m', *words, '--quiet', '--target', 'site']
+    if program in OTHERS:
+        return OTHERS[program]
+    if words[:3] == ['ros2', 'run', 'vtrack_ros']:
+        return arguments(words[3:])
+    if program == 'scripts/demo':
+        return ['-m', 'vtrack_ros.demo', *(['--no-browser'] if words[1:] else []), *words[1:]]
+    if program.startswith('.venv/bin/'):
+        return arguments([Path(program).name, *words[1:]])
+    if program in EXECUTABLES:
+        return [*EXECUTABLES[program], *words[1:]]
+    if program.startswith('python'):
+        return [*words[1:], '--help'] if words[1].startswith('benchmarks/') else words[1:]
+    return [str(Path(sys.executable).parent / program), *words[1:]]
+
+
 def write_stand_ins(folder: Path) -> None:
     """Write what the pages' commands read."""
     (folder / 'bags').symlink_to(ROOT / 'bags')
+    (folder / 'src').mkdir()
+    (folder / 'src' / 'vtrack_ros').symlink_to(ROOT)
+    shutil.copytree(ROOT / 'docs' / 'examples', folder / 'docs' / 'examples')
     images = folder / 'DIR' / 'Crossing' / 'img'
     images.mkdir(parents=True)
     video = cv2.VideoWriter(str(folder / 'holiday.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 30,
@@ -87,37 +157,65 @@ def write_stand_ins(folder: Path) -> None:
 
 
 def run(words: list[str], folder: Path) -> int | str:
-    """Run a command of vtrack; return its exit code, or why it isn't run."""
-    for word, reason in LEFT.items():
-        if any(word in each for each in words):
-            return reason
+    """Run a command; return its exit code, or why it isn't run."""
+    call = arguments(words)
+    if isinstance(call, str):
+        return call
     if 'my_bag' in words and not (folder / 'my_bag').exists():
         shutil.copytree(folder / 'BAG', folder / 'my_bag')
     if '--out' in words:
         shutil.rmtree(folder / words[words.index('--out') + 1], ignore_errors=True)
-    if words[1] == 'synth' and '--frames' not in words and '--list' not in words:
-        words = [*words, '--frames', str(FRAMES)]
+    if 'synth' in words and '--frames' not in words and '--list' not in words:
+        call = [*call, '--frames', str(FRAMES)]
+    tool = call[0].startswith('/')
+    path = os.pathsep.join((str(folder / 'site'), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
-        [sys.executable, '-m', 'vtrack_ros.cli.command_line', *words[1:]], cwd=folder,
-        stdout=subprocess.DEVNULL, env={**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache')})
+        call if tool else [sys.executable, *call], stdout=subprocess.PIPE,
+        cwd=ROOT if tool or words[0].startswith(('python', '.venv')) else folder,
+        stderr=subprocess.STDOUT, text=True,
+        env={**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONPATH': path})
     try:
-        return process.wait(ENDLESS if '--loop' in words else None)
+        output, _ = process.communicate(timeout=PATIENCE if _ENDLESS & {*words} else None)
     except subprocess.TimeoutExpired:
         process.send_signal(signal.SIGINT)
-        return process.wait(ENDLESS)
+        output, _ = process.communicate()
+    missing = [word for word in words if call[-1] == '--help' and word.startswith('--')
+               and word not in output]
+    if process.returncode:
+        print(output)
+    return f'has no {missing}' if missing else process.returncode
+
+
+def examples(page: Path) -> list[str]:
+    """Return a page's programs in Python."""
+    return [text for language, text in blocks(page)
+            if language == 'python' or re.match(r'from |import ', text)]
+
+
+def run_example(text: str, folder: Path) -> int:
+    """Run a program."""
+    (folder / 'example_of_page.py').write_text(text)
+    return subprocess.run([sys.executable, 'example_of_page.py'], cwd=folder,
+                          stdout=subprocess.DEVNULL).returncode
 
 
 if __name__ == '__main__':
-    failed = 0
+    failed, done = 0, set[str]()
     with reserve_domain(), tempfile.TemporaryDirectory() as empty:
         write_stand_ins(Path(empty))
         for page in PAGES:
             if sys.argv[1:] and page.name not in sys.argv[1:]:
                 continue
             for words in commands(page):
-                if words[0] == 'vtrack':
+                if shlex.join(words) not in done:
+                    done.add(shlex.join(words))
                     result = run(words, Path(empty))
-                    failed += result not in (0, *LEFT.values())
+                    failed += not (result == 0 or isinstance(arguments(words), str))
                     print(f'{page.name}: {shlex.join(words)}: {result}', flush=True)
+            if examples(page):
+                result = EXAMPLES_LEFT.get(page.name) or run_example(
+                    '\n'.join(examples(page)), Path(empty))
+                failed += result not in (0, *EXAMPLES_LEFT.values())
+                print(f'{page.name}: in Python: {result}', flush=True)
     print(f'{failed} failed')
     sys.exit(bool(failed))

@@ -7,11 +7,11 @@ tracking.webp and accuracy_speed.svg; without arguments all of them.
 
 from __future__ import annotations
 
+import argparse
 from collections import deque
 from collections.abc import Iterator
 import json
 from pathlib import Path
-import sys
 
 import cv2
 from matplotlib import rc_context
@@ -112,7 +112,10 @@ MADE = {'scenes': (write_scenes, 'scenes.jpg'), 'animation': (write_animation, '
         'plot': (write_plot, 'accuracy_speed.svg')}
 
 if __name__ == '__main__':
-    for name in sys.argv[1:] or MADE:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('names', nargs='*', choices=[*MADE, 'all'], default='all')
+    names = parser.parse_args().names
+    for name in MADE if 'all' in names else names:
         write, file = MADE[name]
         write(IMAGES / file)
         print(IMAGES / file)

@@ -4,6 +4,7 @@ from contextlib import redirect_stdout
 import io
 from pathlib import Path
 import re
+import textwrap
 from types import SimpleNamespace as Of
 from typing import Any
 
@@ -70,6 +71,20 @@ def test_yolo_detections(repository):
         names['converted'](Of(header=header, detections=[one])), 'dog', 0.5, 'detector')
     assert found.box == Box(30, 25, 20, 10)
     assert (found.stamp, found.class_id, found.target_id) == (5 * 10**9, 'dog', '7')
+
+
+def test_readme_example(repository):
+    """What README shows of Python starts a tracker and follows the target."""
+    text = (repository / 'README.md').read_text()
+    [block] = re.findall(r'(?:^    (?:from|tracker|estimate) .*\n|^    tracker\..*\n)+', text,
+                         re.MULTILINE)
+    first, second, *_ = render('face_fast', frames=2)
+    names = {'frame': first.frame, 'next_frame': second.frame,
+             **{name: getattr(first.truth, name) for name in ('x', 'y', 'width', 'height')}}
+    exec(textwrap.dedent(block), names)
+    assert names['estimate'].box.iou(second.truth) > 0.6
+    assert all(hasattr(names['estimate'], word)
+               for word in ('state', 'confidence', 'covariance', 'angle'))
 
 
 def test_links(repository):

@@ -1,5 +1,6 @@
 """Trackers of other packages: the documentation's example, and some that are wrong."""
 
+import asyncio
 import os
 from pathlib import Path
 import shutil
@@ -10,8 +11,7 @@ import tomllib
 from bag_material import write_short_bag
 from node_harness import Client, NodeProcess, overlap, Scene
 import pytest
-from rcl_interfaces.srv import DescribeParameters
-from vtrack_ros.selecting.parameter_inputs import parameter_inputs
+from test_select import serving, viewer
 from vtrack_ros.trackers import tracker_names
 
 #: Entry points that are no trackers, and what is said of them.
@@ -71,7 +71,7 @@ assert main(['replay', bag, '--tracker', 'steady', '--set', 'share=9']) == 2
 
 
 def test_node_and_page(site):
-    """The node tracks by it; the page gets its name and its parameters, and they can be set."""
+    """The node tracks by it; the page of vtrack select offers it, and sets its parameters."""
     scene = Scene()
     prelude = f'sys.path.append({str(site)!r})'
     with NodeProcess(prelude=prelude, tracker='steady') as node, Client().ready() as client:
@@ -80,9 +80,19 @@ def test_node_and_page(site):
         assert client.change(steady__share=0.9)[0].successful
         [refused] = client.change(steady__share=2.0)
         assert 'from 0.1 to 1' in refused.reason
-        names = ['tracker', 'steady.share']
-        described = client.ask('~/describe_parameters', DescribeParameters, names=names)
-        values = client.call(client.parameters.get_parameters(names)).values
-        tracker, share = parameter_inputs(described.descriptors, values)
-        assert 'steady' in tracker['choices'] and share['value'] == 0.9
+
+        async def choose(address):
+            async with viewer(address) as seen:
+                rows = {row['name']: row for row in (await seen.receive('parameters'))['rows']}
+                assert 'steady' in rows['tracker']['choices']
+                share = rows['steady.share']
+                assert (share['value'], share['low'], share['high']) == (0.9, 0.1, 1.0)
+                await seen.ask(do='set', name='steady.share', kind='float', value=0.5)
+                await seen.told('steady.share is 0.5')
+                await seen.ask(do='set', name='tracker', kind='text', value='dcf')
+                await seen.told('tracker is dcf')
+                await seen.ask(do='set', name='tracker', kind='text', value='steady')
+                await seen.told('tracker is steady')
+        with serving() as address:
+            asyncio.run(choose(address))
         assert "tracker 'broken' of no_such_module:Tracker is left out" in node.log
