@@ -1,8 +1,9 @@
 """
 The pictures of README and the documentation, from the project's own scenes and result files.
 
-`python benchmarks/pictures.py [scenes] [animation] [plot]` writes docs/images/scenes.jpg,
-tracking.webp and accuracy_speed.svg; without arguments all of them.
+`python benchmarks/pictures.py [scenes] [parameters] [animation] [plot]` writes
+docs/images/scenes.jpg, parameters.jpg, tracking.webp and accuracy_speed.svg; without arguments all
+of them.
 """
 
 from __future__ import annotations
@@ -33,15 +34,18 @@ TELLING = {'face_fast': 14, 'football': 66, 'similar_occlusion': 106, 'pose_chan
            'distractor_cross': 40}
 #: What the animation shows: scenes side by side, their first and last frame.
 ANIMATED = {'scale_change': (20, 110), 'full_occlusion': (30, 120), 'light_change': (20, 110)}
+#: What the sheet of gmpf's parameters shows: little, the default and much of each.
+VARIED = {'particles': (10, 150, 1000), 'acceleration': (0.02, 0.2, 1.0),
+          'temperature': (0.01, 0.07, 0.5)}
 #: The size of a picture, and every how many frames one is shown for how long, in ms.
 SIZE, STEP, SHOWN = (280, 210), 2, 80
 
 
-def tracked(scene: str, frames: int) -> Iterator[Frame]:
-    """Return the pictures of a scene tracked by gmpf, with all that is known of the target."""
+def tracked(scene: str, frames: int, **parameters: float) -> Iterator[tuple[Frame, str]]:
+    """Return the pictures of a scene tracked by gmpf, with all that is known, and the state."""
     shots = render(scene, frames=frames)
     first = next(shots)
-    tracker = create_tracker('gmpf', seed=0)
+    tracker = create_tracker('gmpf', seed=0, **parameters)
     estimate = tracker.start(first.frame, first.truth)
     trail: deque[tuple[float, float]] = deque(maxlen=40)
     for shot in (first, *shots):
@@ -51,18 +55,28 @@ def tracked(scene: str, frames: int) -> Iterator[Frame]:
         picture = AnnotatedFrame(shot.frame)
         picture.trail(trail)
         picture.estimate(estimate)
-        picture.text(f'{estimate.state.value} {estimate.confidence:.2f}')
-        yield picture.picture
+        yield picture.picture, f'{estimate.state.value} {estimate.confidence:.2f}'
 
 
-def resized(picture: Frame) -> Frame:
-    """Return a picture in the common size, with a border where the shape is another."""
+def resized(picture: Frame, text: str) -> Frame:
+    """Return a picture in the common size, a text on it, bordered where the shape is another."""
     scale = min(SIZE[0] / picture.shape[1], SIZE[1] / picture.shape[0])
-    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(picture, None, fx=scale, fy=scale,
+                       interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC)
     result = np.full((SIZE[1], SIZE[0], 3), 32, np.uint8)
     y, x = (SIZE[1] - small.shape[0]) // 2, (SIZE[0] - small.shape[1]) // 2
     result[y:y + small.shape[0], x:x + small.shape[1]] = small
-    return result
+    whole = AnnotatedFrame(result, enlarge=False)
+    whole.text(text)
+    return whole.picture
+
+
+def captioned(picture: Frame, text: str) -> Frame:
+    """Return a picture with a line below what it shows."""
+    cv2.rectangle(picture, (0, SIZE[1] - 22), (SIZE[0], SIZE[1]), (32, 32, 32), -1)
+    cv2.putText(picture, text, (6, SIZE[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255),
+                1, cv2.LINE_AA)
+    return picture
 
 
 def write_scenes(path: Path) -> None:
@@ -70,17 +84,23 @@ def write_scenes(path: Path) -> None:
     pictures = []
     for name in scene_names():
         *_, last = tracked(name, TELLING[name] + 1)
-        picture = resized(last)
-        cv2.rectangle(picture, (0, SIZE[1] - 22), (SIZE[0], SIZE[1]), (32, 32, 32), -1)
-        cv2.putText(picture, name, (6, SIZE[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5,
-                    (255, 255, 255), 1, cv2.LINE_AA)
-        pictures.append(picture)
+        pictures.append(captioned(resized(*last), name))
     cv2.imwrite(str(path), contact_sheet(pictures), [cv2.IMWRITE_JPEG_QUALITY, 82])
+
+
+def write_parameters(path: Path) -> None:
+    """Write a sheet with what the parameters do to a face that darts off."""
+    scene, pictures = 'face_fast', []
+    for name, values in VARIED.items():
+        for value in values:
+            *_, last = tracked(scene, TELLING[scene] + 1, **{name: value})
+            pictures.append(captioned(resized(*last), f'{name} {value:g}'))
+    cv2.imwrite(str(path), contact_sheet(pictures, columns=3), [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 
 def write_animation(path: Path) -> None:
     """Write an animated WebP of some scenes side by side."""
-    films = [list(map(resized, tracked(name, last)))[first::STEP]
+    films = [[resized(*one) for one in tracked(name, last)][first::STEP]
              for name, (first, last) in ANIMATED.items()]
     frames = [Image.fromarray(np.hstack(row)[..., ::-1]) for row in zip(*films)]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=SHOWN, loop=0,
@@ -91,16 +111,23 @@ def write_plot(path: Path) -> None:
     """Write the accuracy on the first sixteen targets against the frame rate."""
     accuracy = json.loads((RESULTS / 'sequences.json').read_text())['summary']
     times = json.loads((RESULTS / 'speed.json').read_text())['image']['640x480']
-    names = [name for name in times if name in accuracy]
+    names = sorted(filter(accuracy.get, times), key=times.get)
     figure = Figure((6.4, 3.6), layout='constrained')
     axes = figure.add_subplot()
     for index, name in enumerate(names):
         peer = name.startswith('opencv_')
         x, y = 1e3 / times[name], accuracy[name]['auc']
         axes.scatter(x, y, marker='s' if peer else 'o', color=colour(index))
-        axes.annotate(name.removeprefix('opencv_').upper() if peer else name, (x, y), (2, 6),
-                      textcoords='offset points', fontsize=9, rotation=40)
+        # Above and below in turn, since some are close together.
+        up = index % 2 == 0
+        axes.annotate(name.removeprefix('opencv_').upper() if peer else name, (x, y),
+                      (0, 7 if up else -7), textcoords='offset points', fontsize=9, rotation=40,
+                      ha='left' if up else 'right', va='bottom' if up else 'top',
+                      rotation_mode='anchor')
     axes.set_xscale('log')
+    axes.set_xticks([10, 20, 50, 100, 200, 500, 1000])
+    axes.xaxis.set_major_formatter('{x:g}')
+    axes.xaxis.set_minor_formatter('')
     axes.set(xlabel='updates per second of one core, 640 x 480, target of 64 px',
              ylabel='AUC, 16 targets', ylim=(0, 0.9))
     axes.grid(alpha=0.3)
@@ -108,7 +135,9 @@ def write_plot(path: Path) -> None:
         path.write_text(svg(figure) + '\n', encoding='utf-8')
 
 
-MADE = {'scenes': (write_scenes, 'scenes.jpg'), 'animation': (write_animation, 'tracking.webp'),
+MADE = {'scenes': (write_scenes, 'scenes.jpg'),
+        'parameters': (write_parameters, 'parameters.jpg'),
+        'animation': (write_animation, 'tracking.webp'),
         'plot': (write_plot, 'accuracy_speed.svg')}
 
 if __name__ == '__main__':

@@ -31,7 +31,7 @@ def blocks() -> list[str]:
     """Return the blocks of commands, without the set-up."""
     page = (ROOT / 'docs' / 'start.md').read_text()
     found = re.findall(r'```bash\n(.*?)```', page[:page.index('## With ROS')], re.DOTALL)
-    kept = [re.sub(r'^(\./scripts/setup|source ).*\n', '', text, flags=re.MULTILINE)
+    kept = [re.sub(r'^(git|\./scripts/setup|source) .*\n', '', text, flags=re.MULTILINE)
             for text in found]
     return [text for text in kept if text]
 

@@ -56,6 +56,7 @@ def test_page_is_whole_and_refers_to_nothing(tmp_path):
     for words in ('Success and precision', 'AUC by sequence', 'centre error [px]', 'overlap',
                   'Where is it?', '<title>Some &amp; &lt;such&gt;, pf: ', '<title>gmpf</title>'):
         assert words in text
+    assert '1 target, 2 trackers, seeds 0, 1;' in text
     assert 'Torn: no images' in text
     assert 'Some &amp; &lt;such&gt;' in text and '<such>' not in text
 

@@ -140,13 +140,14 @@ def test_stamps_that_go_backwards_begin_again(client, process):
         assert one.detections[0].bbox == other.detections[0].bbox
 
 
-def test_stamps_that_go_backwards_forget_a_selected_target(client):
-    """Without init_box a loop ends the tracking, until somebody selects again."""
+def test_stamps_that_go_backwards_forget_a_selected_target(client, process):
+    """Without init_box a loop ends the tracking, until somebody selects again; the log says so."""
     assert all(send(client, SCENE.frame(i)).detections for i in range(5))
     assert client.change(init_box=[])[0].successful
     assert send(client, SCENE.frame(5)).detections
-    client.index = 0
+    client.index, since = 0, len(process.log)
     assert not send(client, SCENE.frame(0)).detections
+    process.wait_for_log('the target is forgotten, point it out again', since)
     assert client.change(init_box=SCENE.box(0).as_array().tolist())[0].successful
     assert send(client, SCENE.frame(1)).detections
 

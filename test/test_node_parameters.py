@@ -214,7 +214,8 @@ def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
     arguments = ['--params-file', str(path)] if by_file else ['-p', 'init_box:=[]']
     with NodeProcess('-r', '__ns:=/empty', *arguments) as process, (
             Client('/empty/tracker')) as client:
-        process.wait_for_log('point out the target')
+        process.wait_for_log('point out the target while they come, in the browser by vtrack '
+                             'select /empty/tracker or on /empty/tracker/init_roi')
         client.ready()
         assert list(client.get('init_box')[0]) == []
         assert client.change(init_box=[10.0, 10.0, 30.0, 30.0])[0].successful

@@ -35,13 +35,14 @@ def serving(*arguments):
         for line in process.stdout:
             output.append(line)
             if line.startswith('http'):
+                address = line.strip()
                 break
         else:
             raise AssertionError(''.join(output))
         # A pipe that nobody reads would fill.
         reader = threading.Thread(target=lambda: output.extend(process.stdout))
         reader.start()
-        yield output[-1].strip()
+        yield address
     finally:
         if process.poll() is None:
             process.send_signal(2)

@@ -102,6 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.html:
         from vtrack_ros.evaluation.report import html_page
         arguments.html.write_text(html_page(results, stress), encoding='utf-8')
+        print(f'see {arguments.html}')
     return 1 if results.problems else 0
 
 

@@ -167,9 +167,10 @@ class Pipeline:
                               throttle_duration_sec=QUIET)
             return False
         again = arrival is Arrival.BEGINNING
+        kept = self._target.estimate is None or again and self._target.init_box is not None
         self._log.warning('the stamps went backwards: ' + (
-            'another stream begins' if again else
-            'their clock was set back, and the target is forgotten'))
+            'another stream begins' if again else 'their clock was set back') + (
+            '' if kept else '; the target is forgotten, point it out again'))
         self._history.clear()
         self._target.begin_stream(from_init_box=again)
         return True

@@ -58,7 +58,10 @@ class Services:
         if self._node.init_box is not None:
             return 'the target is init_box, on the first of them'
         topics = ' or '.join(one.topic for one in self._inputs)
-        return f'point out the target on {topics} while they come, or with the parameter init_box'
+        name = self._node.get_fully_qualified_name()
+        page = 'vtrack select' + ('' if name == '/tracker' else f' {name}')
+        return (f'point out the target while they come, in the browser by {page} or on {topics}, '
+                'or with the parameter init_box')
 
     def listen_to_detector(self, on: bool) -> None:
         """Subscribe to ~/init_detections, or unsubscribe."""

@@ -195,7 +195,8 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         await runner.setup()
         await web.TCPSite(runner, host, port).start()
         named = f'[{host}]' if ':' in host else host
-        print(f'http://{named}:{runner.addresses[0][1]}{root}/', flush=True)
+        print(f'http://{named}:{runner.addresses[0][1]}{root}/\n'
+              'open it in a browser; Ctrl-C ends it', flush=True)
         await stop.wait()
     finally:
         await runner.cleanup()

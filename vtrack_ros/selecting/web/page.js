@@ -140,8 +140,13 @@ function plot({stamp, state, box}) {
   $('speeds').setAttribute('d', line(one => one.speed === null ? null : one.speed / fastest));
 }
 
+let fading;
+
 function tell(text, wrong) {
   $('told').textContent = text;
+  // What was so a while ago may not be any more.
+  clearTimeout(fading);
+  fading = setTimeout(() => { $('told').textContent = ''; }, 15000);
   $('told').className = wrong ? 'wrong' : '';
 }
 
