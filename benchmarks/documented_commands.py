@@ -49,7 +49,7 @@ LEFT = {
     'ros2 pkg': 'needs ROS 2 installed', 'ros2 bag': 'needs ROS 2 installed',
     'ros2 run usb_cam': "needs ROS 2 installed; another package's",
     'ros2 topic': 'needs ROS 2 installed; type and content are checked, test_node_*.py send such',
-    'ros2 param': 'needs ROS 2 installed; name and value are checked, test_node_parameters.py sets',
+    'ros2 param': 'needs ROS 2 installed; name and value are checked; test_node_parameters.py',
     '--enclave': 'needs keys, which ros2 makes; test/test_security.py has the policy',
     'tcp://HOST:8786': 'needs a cluster; test/test_evaluation_running.py has one',
     'camera/left': 'needs a bag with that topic: test/test_bags_play.py',
@@ -167,7 +167,7 @@ def run(words: list[str], folder: Path) -> int | str:
         shutil.rmtree(folder / words[words.index('--out') + 1], ignore_errors=True)
     if 'synth' in words and '--frames' not in words and '--list' not in words:
         call = [*call, '--frames', str(FRAMES)]
-    tool = call[0].startswith('/')
+    tool, endless = call[0].startswith('/'), _ENDLESS & {Path(word).name for word in words}
     path = os.pathsep.join((str(folder / 'site'), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
         call if tool else [sys.executable, *call], stdout=subprocess.PIPE,
@@ -175,7 +175,7 @@ def run(words: list[str], folder: Path) -> int | str:
         stderr=subprocess.STDOUT, text=True,
         env={**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONPATH': path})
     try:
-        output, _ = process.communicate(timeout=PATIENCE if _ENDLESS & {*words} else None)
+        output, _ = process.communicate(timeout=PATIENCE if endless else None)
     except subprocess.TimeoutExpired:
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate()
