@@ -3,7 +3,7 @@ Camera on one machine, tracker on another: two network namespaces, joined by a v
 
 `.venv/bin/python benchmarks/two_machines.py` (as root, with iproute2 and nftables) writes
 two_machines.json into docs/results: what arrives of VGA in colour at 30 Hz, raw and compressed,
-and how many bytes it takes, over a good cable, a slow one and one that loses packets.
+and how many bytes it takes, over a good cable, a narrow one, one that loses packets, and long ones.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 import json
 import os
 from pathlib import Path
@@ -31,14 +32,26 @@ from vision_msgs.msg import Detection2DArray
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30
 CAMERA, TRACKER = 'vtrack_camera', 'vtrack_tracker'
-#: How a cable is made bad: commands within a namespace, whose device is DEVICE.
-CABLES = {
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A cable that takes time, in seconds, and loses a share of the packets."""
+
+    delay: float
+    loss: float
+
+
+#: How a cable is made bad: commands within a namespace, whose device is DEVICE, or otherwise.
+CABLES: dict[str, list[str] | Slow] = {
     'good': [],
     '100 Mbit/s': ['tc qdisc add dev DEVICE root tbf rate 100mbit burst 64kb latency 50ms'],
     '1 % of the packets lost': [
         'nft add table netdev loss',
         'nft add chain netdev loss in { type filter hook ingress device DEVICE priority 0 ; }',
-        'nft add rule netdev loss in numgen random mod 100 < 1 drop']}
+        'nft add rule netdev loss in numgen random mod 100 < 1 drop'],
+    '20 ms each way': Slow(0.02, 0.0),
+    '20 ms, 0.1 % of the packets lost': Slow(0.02, 0.001)}
 STREAMS = (('raw', 'best_effort'), ('raw', 'reliable'), ('compressed', 'best_effort'),
            ('compressed', 'reliable'))
 
@@ -49,20 +62,32 @@ def run(command: str) -> str:
 
 
 @contextmanager
-def cable(commands: list[str]) -> Iterator[None]:
+def cable(kind: list[str] | Slow) -> Iterator[None]:
     """Join two namespaces, until the block ends."""
+    carrier = None
     try:
         for name in (CAMERA, TRACKER):
             run(f'ip netns add {name}')
-        run(f'ip link add camera netns {CAMERA} type veth peer name tracker netns {TRACKER}')
+        if isinstance(kind, Slow):
+            carrier = subprocess.Popen(
+                [sys.executable, str(Path(__file__).with_name('slow_cable.py')), CAMERA, 'camera',
+                 TRACKER, 'tracker', '--delay', str(kind.delay), '--loss', str(kind.loss)],
+                stdout=subprocess.PIPE)
+            assert carrier.stdout is not None
+            carrier.stdout.readline()
+        else:
+            run(f'ip link add camera netns {CAMERA} type veth peer name tracker netns {TRACKER}')
         for name, device, address in ((CAMERA, 'camera', 1), (TRACKER, 'tracker', 2)):
             run(f'ip -n {name} addr add 10.77.0.{address}/24 dev {device}')
             for one in ('lo', device):
                 run(f'ip -n {name} link set {one} up')
-            for command in commands:
+            for command in kind if isinstance(kind, list) else ():
                 run(f'ip netns exec {name} ' + command.replace('DEVICE', device))
         yield
     finally:
+        if carrier is not None:
+            carrier.terminate()
+            carrier.wait()
         for name in (CAMERA, TRACKER):
             subprocess.run(['ip', 'netns', 'del', name], capture_output=True)
 
@@ -73,14 +98,14 @@ def received_bytes() -> int:
         'bytes'])
 
 
-def measure(commands: list[str], transport: str, reliability: str, seconds: float,
+def measure(kind: list[str] | Slow, transport: str, reliability: str, seconds: float,
             ) -> dict[str, Any]:
     """Measure one stream over one cable."""
     environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
                    # Both namespaces see the same /dev/shm.
                    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     _, box = scene(640, 480)
-    with cable(commands):
+    with cable(kind):
         node = subprocess.Popen(
             ['ip', 'netns', 'exec', TRACKER, sys.executable, *tracker_arguments(
                 'ours', 'gmpf', box, '-p', f'image_transport:={transport}')],
