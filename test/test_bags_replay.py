@@ -79,15 +79,17 @@ def test_bit_for_bit(short, tmp_path, tracker):
 
 
 def test_result_bag(replayed):
-    """It has detections and poses with the images' headers, of the boxes in the table."""
+    """Detections, poses and twists with the images' headers, of the boxes in the table."""
     _, out, figures = replayed
     rows = rows_of(out)
     with BagReader(out / 'bag') as bag:
         assert bag.topics['/detections'].count == len(rows) == 97
         assert bag.topics['/pose'].count == figures['frames_tracked']
         found = bag.truth('/detections')
-        poses = [messages.typestore().deserialize_cdr(raw.data, raw.message_type)
-                 for raw in bag.raw({'/pose'})]
+        poses, twists = ([messages.typestore().deserialize_cdr(raw.data, raw.message_type)
+                          for raw in bag.raw({topic})] for topic in ('/pose', '/twist'))
+    assert [twist.header for twist in twists] == [pose.header for pose in poses]
+    assert all(twist.twist.covariance[0] > 0 for twist in twists)
     tracked = [row for row in rows if row['state'] == 'tracking']
     assert len(tracked) == figures['frames_tracked']
     for row in rows:

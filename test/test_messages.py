@@ -72,6 +72,21 @@ def test_covariance_layout():
     assert full[3, 3] == pytest.approx(angles.var(), rel=0.02)
 
 
+def test_twist_layout():
+    """Row by row over the velocity and how it turns, which nobody knows; all 0 for NaN."""
+    covariance = np.arange(1.0, 10.0).reshape(3, 3)
+    message = poses.twist_with_covariance(TYPES, np.array([1.0, 2.0, 3.0]), covariance)
+    linear, angular = message.twist.linear, message.twist.angular
+    assert (linear.x, linear.y, linear.z) == (1, 2, 3)
+    assert (angular.x, angular.y, angular.z) == (0, 0, 0)
+    full = message.covariance.reshape(6, 6)
+    assert np.array_equal(full[:3, :3], covariance)
+    assert not full[:3, 3:].any() and not full[3:, :3].any()
+    assert (full[3:, 3:].diagonal() >= 1e6).all()
+    unknown = poses.twist_with_covariance(TYPES, np.zeros(3), np.full((3, 3), np.nan))
+    assert not unknown.covariance.any()
+
+
 def test_particles():
     """Centres in pixels; none where a tracker has none."""
     header = Header(frame_id='eye')

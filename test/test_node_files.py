@@ -19,8 +19,8 @@ from vtrack_ros.trackers import tracker_class, tracker_names
 import yaml
 
 #: The topics and services that a node called tracker offers, as layouts name them.
-OFFERED = ['/pose', '/pose_with_covariance', '/detections', '/bounding_box', '/tracker/state',
-           '/tracker/particles', '/tracker/debug_image', '/diagnostics']
+OFFERED = ['/pose', '/pose_with_covariance', '/twist', '/detections', '/bounding_box',
+           '/tracker/state', '/tracker/particles', '/tracker/debug_image', '/diagnostics']
 
 
 @pytest.mark.parametrize('name', files())
@@ -266,9 +266,9 @@ def test_documentation_names_every_row(repository):
     """Every topic, service and parameter of the node is in its manual."""
     text = (repository / 'docs' / 'node.md').read_text()
     rows = ['image', 'image/compressed', 'camera_info', '~/init', '~/init_roi',
-            '~/init_point', '~/init_detections', 'pose', 'pose_with_covariance', 'detections',
-            'bounding_box', '~/state', '~/particles', '~/debug_image', '/diagnostics',
-            '~/reset', '~/enable', '~/reinit', '/tf']
+            '~/init_point', '~/init_detections', 'pose', 'pose_with_covariance', 'twist',
+            'detections', 'bounding_box', '~/state', '~/particles', '~/debug_image',
+            '/diagnostics', '~/reset', '~/enable', '~/reinit', '/tf']
     for name in (*rows, INIT_BOX, *NODE_PARAMETERS):
         assert f'`{name}`' in text, name
 

@@ -13,11 +13,13 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.messages import detections as builder, poses
 from vtrack_ros.messages.images import fill_image
+from vtrack_ros.session.motion_filter import Motion
 
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED_IMAGE = 'sensor_msgs/msg/CompressedImage'
 DETECTIONS = 'vision_msgs/msg/Detection2DArray'
 POSE = 'geometry_msgs/msg/PoseStamped'
+TWIST = 'geometry_msgs/msg/TwistWithCovarianceStamped'
 
 #: The types that frames are read from.
 IMAGE_TYPES = (IMAGE, COMPRESSED_IMAGE)
@@ -95,6 +97,14 @@ def pose(x: float, y: float, angle: float, stamp: int, frame_id: str) -> Any:
     """Return a geometry_msgs/msg/PoseStamped in the image plane: pixels, and radians about z."""
     return _make(POSE, header=header(stamp, frame_id),
                  pose=poses.pose(typestore().types, (x, y, 0.0), angle))
+
+
+def twist(motion: Motion, stamp: int, frame_id: str) -> Any:
+    """Return a geometry_msgs/msg/TwistWithCovarianceStamped in the image plane, in pixels."""
+    velocity, covariance = np.zeros(3), np.zeros((3, 3))
+    velocity[:2], covariance[:2, :2] = motion.velocity[:2], motion.covariance[4:6, 4:6]
+    return _make(TWIST, header=header(stamp, frame_id), twist=poses.twist_with_covariance(
+        typestore().types, velocity, covariance))
 
 
 def _make(name: str, **fields: Any) -> Any:

@@ -8,6 +8,7 @@ from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import StampedFrame
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.frame_flow import Arrival, FrameFlow
+from vtrack_ros.session.motion_filter import Motion
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate
 
@@ -20,13 +21,15 @@ class Step:
     """
     What came of one frame: the estimate after it, and the milliseconds that the tracker took.
 
-    There is no estimate while there is no target; `started` says whether it began on this frame.
+    There is no estimate while there is no target, and no motion while it isn't measured; `started`
+    says whether it began on this frame.
     """
 
     image: StampedFrame
     estimate: Estimate | None
     milliseconds: float
     started: bool = False
+    motion: Motion | None = None
 
 
 def replay(images: Iterable[StampedFrame], session: TrackingSession,
@@ -60,7 +63,7 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
         else:
             estimate = session.update(image.frame, image.stamp)
         taken = (time.perf_counter() - began) * 1e3
-        yield Step(image, estimate, taken, started=first is not None)
+        yield Step(image, estimate, taken, first is not None, session.motion())
         waiting = waiting and first is None
     if waiting and flow.received:
         raise BagError('nothing says where the target is: the bag has no true box for any image; '

@@ -21,7 +21,7 @@ from vtrack_ros.drawing import SHEET_FILE, VIDEO_FILE
 _TABLE, _BAG = 'results.csv', 'bag'
 _FILES = (_BAG, _TABLE, VIDEO_FILE, SHEET_FILE)
 _COLUMNS = ('stamp_ns', 'x', 'y', 'width', 'height', 'angle', 'confidence', 'state')
-_DETECTIONS, _POSE = '/detections', '/pose'
+_DETECTIONS, _POSE, _TWIST = '/detections', '/pose', '/twist'
 
 
 class ResultFolder:
@@ -82,6 +82,9 @@ class ResultFolder:
             pose = messages.pose(
                 *estimate.box.center, estimate.angle, image.stamp, image.frame_id)
             self._bag.write(_POSE, pose, image.received)
+        if step.motion is not None:
+            twist = messages.twist(step.motion, image.stamp, image.frame_id)
+            self._bag.write(_TWIST, twist, image.received)
         self._bag.write(_DETECTIONS, found, image.received)
 
     def _check(self) -> None:
@@ -130,6 +133,6 @@ def _is_result_bag(path: Path) -> bool:
         return False
     try:
         with BagReader(path) as bag:
-            return {_DETECTIONS} <= set(bag.topics) <= {_DETECTIONS, _POSE}
+            return {_DETECTIONS} <= set(bag.topics) <= {_DETECTIONS, _POSE, _TWIST}
     except BagError:
         return False

@@ -21,8 +21,8 @@ EXAMPLES = """examples:
   vtrack replay BAG --tracker pf --set particles=400 --init 120,80,40,60 --out result
   vtrack replay BAG --tracker pf --list-parameters
 
-DIR gets results.csv (one row per frame, in full precision), bag/ (detections and poses, with the
-images' own headers), video.mp4 and contact_sheet.png. The same bag, tracker, parameters and seed
+DIR gets results.csv (one row per frame, in full precision), bag/ (detections, poses and
+twists, with the images' own headers), video.mp4 and contact_sheet.png. The same bag, tracker, parameters and seed
 give the same boxes, bit for bit, as the node does where it drops no frame."""
 
 

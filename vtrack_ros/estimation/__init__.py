@@ -24,6 +24,7 @@ Bayesian filters on any state-space model; they know no pixels and no ROS.
 """
 
 from vtrack_ros.estimation.grey import gm11_forecast, GreyProposal
+from vtrack_ros.estimation.interacting import mix, moments, switching, VelocityHypotheses
 from vtrack_ros.estimation.kalman import (
     central_differences, covariance_factors, ExtendedKalmanFilter, Gaussian, GaussianFilter,
     KalmanFilter)
@@ -42,7 +43,8 @@ __all__ = [
     'Belief', 'central_differences', 'ConstantVelocity', 'covariance_factors', 'cubature',
     'ExtendedKalmanFilter', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
     'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
-    'KalmanFilter', 'LinearModel', 'ParticleFilter', 'PriorProposal', 'Proposal', 'Proposed',
-    'pruned_gauss_hermite', 'pruning_threshold', 'RuleFactory', 'SigmaPointFilter',
-    'SigmaPointRule', 'spread_about', 'StateSpaceModel', 'systematic', 'unscented', 'Weights',
+    'KalmanFilter', 'LinearModel', 'mix', 'moments', 'ParticleFilter', 'PriorProposal',
+    'Proposal', 'Proposed', 'pruned_gauss_hermite', 'pruning_threshold', 'RuleFactory',
+    'SigmaPointFilter', 'SigmaPointRule', 'spread_about', 'StateSpaceModel', 'switching',
+    'systematic', 'unscented', 'VelocityHypotheses', 'Weights',
 ]

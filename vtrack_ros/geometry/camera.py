@@ -1,5 +1,6 @@
 """From pixels to rays and metres, with the uncertainty carried through."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -20,11 +21,16 @@ MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8,), 'equidistant': (4,)}
 
 @dataclass(frozen=True)
 class Position:
-    """Where the target is: point (3,) and covariance (3, 3), in 'pixels', 'ray' or 'metres'."""
+    """
+    Where the target is: point (3,) and covariance (3, 3), in 'pixels', 'ray' or 'metres'.
+
+    `slope`, shape (3, 4), is the point's derivative by the box's centre x, centre y, width, height.
+    """
 
     point: Vector
     covariance: Vector
     units: str
+    slope: Vector
 
 
 @dataclass(frozen=True)
@@ -131,9 +137,10 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
     if units == 'auto':
         units = 'pixels' if camera is None else 'metres' if sized else 'ray'
     if units == 'pixels':
-        covariance = np.zeros((3, 3))
+        covariance, slope = np.zeros((3, 3)), np.zeros((3, 4))
         covariance[:2, :2] = box_covariance[:2, :2]
-        return Position(np.array([*box.center, 0.0]), covariance, units)
+        slope[:2, :2] = np.eye(2)
+        return Position(np.array([*box.center, 0.0]), covariance, units, slope)
     if camera is None or (units == 'metres' and not sized):
         return None
     cx, cy = box.center
@@ -154,7 +161,32 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
     known = not np.isnan(box_covariance).any()
     if not np.isfinite(covariance if known else total).all():
         return None
-    return Position(point, covariance, units)
+    return Position(point, covariance, units, total)
+
+
+def locate_velocity(
+        locate_box: Callable[[Box], Position | None], box: Box, velocity: Vector,
+        covariance: Vector) -> tuple[Vector, Vector] | None:
+    """
+    Return the velocity (3,) of where a moving box is, per second, and its covariance (3, 3).
+
+    `locate_box` says where a box is. The velocity, shape (4,), [px/s], is that of centre x, centre
+    y, width, height; the covariance, shape (8, 8), is over those four and their velocities, and is
+    carried through to first order. None where the box is nowhere.
+    """
+    here = locate_box(box)
+    if here is None:
+        return None
+    # in a step the box moves by a hundredth of itself
+    step = 0.01 * min(box.width, box.height) / max(float(np.abs(velocity).max()), 1e-9)
+    place = np.array([*box.center, box.width, box.height])
+    before, after = (locate_box(Box.from_center(*(place + way)))
+                     for way in (-step * velocity, step * velocity))
+    # what the velocity is there depends on the place as well, by the second derivatives
+    bend = (np.zeros((3, 4)) if before is None or after is None else
+            (after.slope - before.slope) / (2 * step))
+    slope = np.hstack([bend, here.slope])
+    return here.slope @ velocity, slope @ covariance @ slope.T
 
 
 def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 #: The variance of an angle that may be anything, in rad^2: that of a uniform one.
 UNKNOWN_ANGLE = math.pi ** 2 / 3
+#: The variance of an angular velocity that nobody measures, in rad^2/s^2, as other packages say it.
+UNKNOWN_RATE = 1e6
 
 Types = Mapping[str, Any]
 
@@ -53,6 +55,26 @@ def pose_with_covariance(types: Types, position: Sequence[float] | NDArray[np.fl
         full[3:, 3:] = np.diag([UNKNOWN_ANGLE] * 3)
     return types['geometry_msgs/msg/PoseWithCovariance'](
         pose=pose(types, position, angle), covariance=full.ravel())
+
+
+def twist_with_covariance(types: Types, velocity: NDArray[np.float64],
+                          covariance: NDArray[np.float64]) -> Any:
+    """
+    Return a geometry_msgs/msg/TwistWithCovariance of a velocity (3,), which doesn't turn.
+
+    `covariance` (3, 3) is the velocity's; NaN: nothing is known, all is 0. No tracker measures an
+    angular velocity: its variances are large.
+    """
+    full = np.zeros((6, 6))
+    if np.isfinite(covariance).all():
+        full[:3, :3] = covariance
+        full[3:, 3:] = np.diag([UNKNOWN_RATE] * 3)
+    vector = types['geometry_msgs/msg/Vector3']
+    x, y, z = (float(value) for value in velocity)
+    return types['geometry_msgs/msg/TwistWithCovariance'](
+        twist=types['geometry_msgs/msg/Twist'](
+            linear=vector(x=x, y=y, z=z), angular=vector(x=0.0, y=0.0, z=0.0)),
+        covariance=full.ravel())
 
 
 def particle_poses(types: Types, header: Any, particles: NDArray[np.float64] | None) -> Any:

@@ -50,6 +50,8 @@ NODE_PARAMETERS = ParameterTable([
               '0: unknown.', 0.0, 1000.0, 'm'),
     Parameter('target_frame', '', 'Child frame of a transform to the target, sent on /tf while '
               'the pose is in metres; empty: none.'),
+    Parameter('predict_to_now', False, 'Publish pose, twist and transform not as they were in the '
+              'image but as they are expected to be now, stamped so; their covariance grows.'),
     Parameter('state_file', '', 'File in which the target is saved, so that the node goes on with '
               'it after it was killed; empty: none.', dynamic=False),
     Parameter('state_seconds', 30.0, 'How old a target of state_file may be when images come.',

@@ -9,12 +9,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from vtrack_ros.frame import Frame
-from vtrack_ros.geometry.camera import Camera, locate, Position
-from vtrack_ros.messages.camera_info import camera_from_info
 from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
 from vtrack_ros.ros.diagnostics import Diagnostics, state_status
 from vtrack_ros.ros.message_types import installed, MessageTypes
 from vtrack_ros.ros.parameter_node import INIT_BOX, ParameterNode
+from vtrack_ros.ros.place import Place, QUIET
 from vtrack_ros.ros.publishers import Publishers
 from vtrack_ros.ros.qos import image_topic, Input
 from vtrack_ros.ros.services import Services
@@ -22,10 +21,6 @@ from vtrack_ros.ros.state_file import StateFile
 from vtrack_ros.session.frame_flow import Arrival
 from vtrack_ros.session.history import FrameHistory
 from vtrack_ros.session.target import Target
-from vtrack_ros.tracker import Estimate
-
-#: The log says what may come with every frame no more often than this, in seconds.
-QUIET = 2.0
 
 
 class NodeLog:
@@ -58,9 +53,7 @@ class Pipeline:
         self._node = node
         self._session = node.session
         self._log = Node.get_logger(node)
-        self._camera: Camera | None = None
         self._state_name = 'inactive'
-        self._units = self._told_units = ''
         types, log = MessageTypes(), NodeLog(node)
         with_vision = installed(
             'vision_msgs', 'there are no boxes, and targets come by ~/init_roi or init_box', node)
@@ -72,13 +65,15 @@ class Pipeline:
         self._target.set_init_box(node.init_box, f'parameter {INIT_BOX}')
         self._state_file = StateFile(node, self._target)
         self._publishers = Publishers(node, types, with_vision)
+        self._place = Place(node, types, self._publishers)
         self._services = Services(node, types, with_vision, self._target, log, self._changed)
         self._services.listen_to_detector(bool(settings['init_from_detections']))
         self._diagnostics = Diagnostics(node, self._publishers, self._state)
         self._compressed = settings.text('image_transport') == 'compressed'
         self._convert: Callable[[Any], Frame] = (
             compressed_to_frame if self._compressed else to_frame)
-        self._camera_info = Input(node, CameraInfo, 'camera_info', self._on_camera_info)
+        self._camera_info = Input(
+            node, CameraInfo, 'camera_info', self._place.on_camera_info)
         self._watch_inputs()
         node.on_change = self._on_parameters
 
@@ -140,7 +135,7 @@ class Pipeline:
         estimate = self._target.update(frame, stamp)
         compute = (time.perf_counter_ns() - started) / 1e6
         if estimate is not None and estimate.measured:
-            self._publish_place(header, frame, estimate)
+            self._place.publish(header, frame, estimate)
         identity = self._target.identity
         self._publishers.publish_boxes(header, estimate, identity)
         flow.processing.append((time.perf_counter_ns() - began) / 1e6)
@@ -175,39 +170,6 @@ class Pipeline:
         self._target.begin_stream(from_init_box=again)
         return True
 
-    def _publish_place(self, header: Any, frame: Frame, estimate: Estimate) -> None:
-        position = self._position(frame, estimate)
-        if position is None:
-            self._units = ''
-            return
-        self._units = position.units
-        if position.units != self._told_units:
-            before, self._told_units = self._told_units, position.units
-            self._log.info(f'pose units: {position.units}' + (before and f', after {before}'))
-        self._publishers.publish_pose(header, position, estimate.angle)
-        child = self._node.settings.text('target_frame')
-        if child and position.units == 'metres':
-            self._publishers.publish_transform(header, position, estimate.angle, child)
-
-    def _position(self, frame: Frame, estimate: Estimate) -> Position | None:
-        settings, camera = self._node.settings, self._camera
-        height, width = frame.shape[:2]
-        if camera is not None and (camera.width, camera.height) != (width, height):
-            self._log.warning(
-                f'camera_info is for {camera.width} x {camera.height}, but the image is '
-                f'{width} x {height}: it is not used', throttle_duration_sec=QUIET)
-            camera = None
-        units = settings.text('pose_units')
-        position = locate(estimate.box, estimate.covariance, camera, units,
-                          settings.number('target_width'), settings.number('target_height'))
-        if position is None:
-            needed = 'camera_info of the image, a box within the reach of its lens model'
-            if units == 'metres':
-                needed += ', and target_width or target_height'
-            self._log.warning(f'no pose: pose_units {units} needs {needed}',
-                              throttle_duration_sec=QUIET)
-        return position
-
     def _changed(self) -> None:
         """Say what the state is now: something was done to it between two frames."""
         self._watch_inputs()
@@ -239,20 +201,10 @@ class Pipeline:
             name = 'stale'
         return state_status(
             self._node.get_fully_qualified_name(), self._session.tracker, name, estimate, {
-                **(values or {}), 'pose_units': self._units,
+                **(values or {}), 'pose_units': self._place.units,
                 'frames_received': str(flow.received), 'frames_missing': str(flow.missing),
                 'frames_late': str(flow.late), 'frames_malformed': str(flow.malformed)},
             stale=silent or name in ('paused', 'inactive'))
-
-    def _on_camera_info(self, message: CameraInfo) -> None:
-        try:
-            self._camera = camera_from_info(message)
-        except ValueError as error:
-            self._camera = None
-            pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
-            self._log.warning(
-                f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}",
-                throttle_duration_sec=QUIET)
 
     def _on_parameters(self, names: Collection[str]) -> None:
         settings = self._node.settings

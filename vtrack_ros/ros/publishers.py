@@ -2,12 +2,14 @@
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import (
-    PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped, Vector3)
+    PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped,
+    TwistWithCovarianceStamped, Vector3)
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.duration import Infinite
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -25,6 +27,8 @@ from vtrack_ros.tracker import Estimate
 
 #: What every output offers; the durations are the defaults, but said as the graph says them.
 OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infinite)
+#: A velocity (3,) and its covariance (3, 3).
+Velocity: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 #: How many places the trail on the debug image has.
 _TRAIL = 60
 
@@ -42,6 +46,7 @@ class Publishers:
         self._all: list[Any] = []
         self._pose = self._publisher(PoseStamped, 'pose')
         self._covariance = self._publisher(PoseWithCovarianceStamped, 'pose_with_covariance')
+        self._twist = self._publisher(TwistWithCovarianceStamped, 'twist')
         self._state = self._publisher(DiagnosticStatus, '~/state')
         self._particles = self._publisher(PoseArray, '~/particles')
         self._debug = self._publisher(Image, '~/debug_image')
@@ -70,6 +75,13 @@ class Publishers:
             self._covariance.publish(PoseWithCovarianceStamped(
                 header=header, pose=poses.pose_with_covariance(
                     self._types, position.point, angle, position.covariance)))
+
+    def publish_twist(self, header: Any, make: Callable[[], Velocity | None]) -> None:
+        """Publish the velocity that `make` returns with its covariance, if it returns any."""
+        velocity = make() if self._wanted(self._twist) else None
+        if velocity is not None:
+            self._twist.publish(TwistWithCovarianceStamped(
+                header=header, twist=poses.twist_with_covariance(self._types, *velocity)))
 
     def publish_transform(self, header: Any, position: Position, angle: float,
                           child: str) -> None:

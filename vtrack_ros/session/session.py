@@ -11,6 +11,7 @@ import numpy as np
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
+from vtrack_ros.session.motion_filter import Motion, MotionFilter
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
 
 #: A longer gap than this, in frames, says nothing about how far a target moved.
@@ -110,6 +111,7 @@ class TrackingSession:
         self._stamp = 0
         self._last_measurement: LastMeasurement | None = None
         self._interval = FrameIntervalEstimator()
+        self._motion = MotionFilter()
 
     @property
     def tracker(self) -> str:
@@ -131,6 +133,10 @@ class TrackingSession:
         """Return the usual interval between the target's frames [ns]; None before it's known."""
         return self._interval.interval
 
+    def motion(self, age: float = 0.0) -> Motion | None:
+        """Return the target's motion `age` seconds after the latest frame; None if unmeasured."""
+        return self._motion.motion(age)
+
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
         """Begin on the target in `box` of a frame stamped in ns; errors as `Tracker.start`."""
         return self._start(self._create(self._name), frame, stamp, box)
@@ -146,6 +152,7 @@ class TrackingSession:
         dt = min(self._interval.steps(interval), LONGEST_STEP) if interval else 1.0
         self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
+        self._motion.add(self._estimate, stamp)
         if self._estimate.measured:
             self._last_measurement = LastMeasurement(frame, stamp, self._estimate.box)
         return self._estimate
@@ -166,6 +173,7 @@ class TrackingSession:
     def forget(self) -> None:
         """Give up the target."""
         self._estimate = self._frame = self._last_measurement = None
+        self._motion.restart()
 
     def restart(self) -> Estimate | None:
         """Learn the target afresh where it was last measured, and go on; None without a target."""
@@ -221,6 +229,8 @@ class TrackingSession:
         self._stamp = stamp
         self._last_measurement = LastMeasurement(frame, stamp, box)
         self._interval = FrameIntervalEstimator()
+        self._motion.restart()
+        self._motion.add(estimate, stamp)
         return estimate
 
     def _take_over(self, tracker: Tracker) -> Estimate | None:

@@ -1,0 +1,207 @@
+"""
+What the filter's velocity is worth, against two boxes' difference and against staying.
+
+`python benchmarks/velocity.py` follows the targets of the shared sequences and of the scenes, and
+writes docs/results/velocity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from joblib import delayed, Parallel
+import numpy as np
+from numpy.typing import NDArray
+from shared_sequences import FOLDER, folder_sequences, is_tuned
+
+from vtrack_ros.evaluation.calibration import inside_ellipse
+from vtrack_ros.evaluation.metrics import on_target, overlaps
+from vtrack_ros.evaluation.runner import one_thread
+from vtrack_ros.evaluation.sequences import scene_sequence, Sequence
+from vtrack_ros.evaluation.table import markdown
+from vtrack_ros.scenes import scene_names
+from vtrack_ros.session.motion_filter import MotionFilter
+from vtrack_ros.trackers import create_tracker
+
+ROOT = Path(__file__).resolve().parents[1]
+#: The videos don't say at which rate they were taken.
+RATE = 30
+#: The true velocity is the slope of a straight line through so many frames on either side.
+WINDOW = 2
+AHEAD = (1, 2, 3)
+HALVES = {'tuned': 'videos on which constants were tuned', 'others': 'other videos',
+          'scenes': 'rendered scenes'}
+
+
+@dataclass(frozen=True)
+class Record:
+    """
+    Errors of a run where it's on the target, in mean sides of it: mean squares and shares.
+
+    `velocity` is by what says it, [sides^2/s^2]; `inside` the share of true velocities in the
+    90 % ellipse; `forecast` and `hold` are of the centre so many frames ahead, [sides^2],
+    `inside_ahead` the share of true centres in the 90 % ellipse.
+    """
+
+    half: str
+    frames: int
+    velocity: dict[str, float]
+    inside: float
+    forecast: dict[int, float]
+    hold: dict[int, float]
+    inside_ahead: dict[int, float]
+
+
+def true_velocity(centers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the slope of the centres (n, 2) by least squares, [px/s]; NaN near the ends."""
+    velocity = np.full_like(centers, np.nan)
+    steps = np.arange(-WINDOW, WINDOW + 1)
+    for index in range(WINDOW, len(centers) - WINDOW):
+        near = centers[index - WINDOW:index + WINDOW + 1]
+        velocity[index] = RATE * steps @ near / (steps @ steps)
+    return velocity
+
+
+def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) -> Record | None:
+    """Follow a target; None where too few frames were tracked to say anything."""
+    truth = sequence.truth[:frames]
+    count = len(truth)
+    boxes, velocity = np.empty((count, 4)), np.full((count, 2), np.nan)
+    spread = np.full((count, 2, 2), np.nan)
+    ahead = {step: np.full((count, 4), np.nan) for step in AHEAD}
+    ahead_spread = {step: np.full((count, 2, 2), np.nan) for step in AHEAD}
+    measured = np.zeros(count, bool)
+    subject, motion_filter = create_tracker(tracker, seed=seed), MotionFilter()
+    with one_thread():
+        for index, frame in enumerate(islice(sequence.frames(), frames)):
+            estimate = subject.update(frame) if index else subject.start(frame, sequence.first_box)
+            motion_filter.add(estimate, round((index + 1) * 1e9 / RATE))
+            boxes[index], measured[index] = estimate.box.as_array(), estimate.measured
+            motion = motion_filter.motion()
+            if motion is None:
+                continue
+            velocity[index], spread[index] = motion.velocity[:2], motion.covariance[4:6, 4:6]
+            for step in AHEAD:
+                later = motion_filter.motion(step / RATE)
+                assert later is not None
+                ahead[step][index] = later.box.as_array()
+                ahead_spread[step][index] = later.covariance[:2, :2]
+    side = np.sqrt(truth[:, 2] * truth[:, 3])
+    true = true_velocity(truth[:, :2] + truth[:, 2:] / 2)
+    centers = boxes[:, :2] + boxes[:, 2:] / 2
+    difference = np.vstack([np.full((1, 2), np.nan), RATE * np.diff(centers, axis=0)])
+    good = measured & on_target(overlaps(boxes, truth)) & np.isfinite(true[:, 0])
+    # the frames in which the filter settles count, but a difference needs two boxes
+    good[1:] &= measured[:-1]
+    good[0] = False
+    if good.sum() < 10:
+        return None
+
+    def error(value: NDArray[np.float64]) -> float:
+        return float((((value - true) / side[:, np.newaxis])[good] ** 2).sum(axis=1).mean())
+
+    forecast, hold, inside_ahead = {}, {}, {}
+    for step in AHEAD:
+        both = good[:-step] & np.isfinite(truth[step:, 0])
+        later = truth[step:][both]
+        sides = np.sqrt(later[:, 2] * later[:, 3])[:, np.newaxis]
+        true_center = later[:, :2] + later[:, 2:] / 2
+        guess = ahead[step][:-step][both]
+        forecast[step], hold[step] = (
+            float((((place - true_center) / sides) ** 2).sum(axis=1).mean())
+            for place in (guess[:, :2] + guess[:, 2:] / 2, centers[:-step][both]))
+        inside_ahead[step] = float(np.mean(inside_ellipse(
+            guess, ahead_spread[step][:-step][both], later, 0.9)))
+    ellipse = inside_ellipse(_points(velocity[good]), spread[good], _points(true[good]), 0.9)
+    return Record(half, int(good.sum()), {
+        'filter': error(velocity), 'two boxes': error(difference), 'zero': error(0 * velocity)},
+        float(np.mean(ellipse)), forecast, hold, inside_ahead)
+
+
+def _points(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return boxes (n, 4) whose centres are the values (n, 2)."""
+    return np.hstack([values - 0.5, np.ones_like(values)])
+
+
+def root(values: list[float]) -> str:
+    """Return the root of the mean of mean squares."""
+    return f'{np.sqrt(np.mean(values)):.3f}'
+
+
+def velocity_rows(records: list[Record]) -> list[list[str]]:
+    """Return a row for each half of the videos."""
+    rows = [['', 'targets', 'frames', 'filter', 'two boxes', 'zero', 'nearer than two boxes',
+             'in the 90 % ellipse']]
+    for half, title in HALVES.items():
+        runs = [one for one in records if one.half == half]
+        nearer = sum(one.velocity['filter'] < one.velocity['two boxes'] for one in runs)
+        rows.append([title, str(len(runs)), str(sum(one.frames for one in runs)), *(
+            root([one.velocity[name] for one in runs]) for name in ('filter', 'two boxes', 'zero')
+        ), f'{nearer} of {len(runs)}', f'{np.mean([one.inside for one in runs]):.2f}'])
+    return rows
+
+
+def forecast_rows(records: list[Record]) -> list[list[str]]:
+    """Return a row for each half of the videos and number of frames."""
+    rows = [['', 'frames ahead', 'forecast', 'hold', 'nearer than hold', 'in the 90 % ellipse']]
+    for half, title in HALVES.items():
+        runs = [one for one in records if one.half == half]
+        for step in AHEAD:
+            nearer = sum(one.forecast[step] < one.hold[step] for one in runs)
+            rows.append([
+                title, str(step), root([one.forecast[step] for one in runs]),
+                root([one.hold[step] for one in runs]), f'{nearer} of {len(runs)}',
+                f'{np.mean([one.inside_ahead[step] for one in runs]):.2f}'])
+    return rows
+
+
+def main() -> None:
+    """Measure and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
+    parser.add_argument('--tracker', default='gmpf')
+    parser.add_argument('--frames', type=int, default=150)
+    parser.add_argument('--seed', type=int, default=0)
+    parser.add_argument('--jobs', type=int, default=2)
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results' / 'velocity.md')
+    arguments = parser.parse_args()
+    found, _ = folder_sequences(arguments.sequences, arguments.frames)
+    targets: list[tuple[str, Sequence]] = [
+        ('tuned' if is_tuned(one.name) else 'others', one) for one in found]
+    targets += [('scenes', scene_sequence(name)) for name in scene_names()]
+    results = Parallel(arguments.jobs)(
+        delayed(follow)(arguments.tracker, arguments.seed, half, one, arguments.frames)
+        for half, one in targets)
+    records = [one for one in results if one is not None]
+    text = f"""# What the velocity is worth
+
+The first {arguments.frames} frames of {len(records)} targets, `{arguments.tracker}`, seed
+{arguments.seed}, {RATE} frames/s assumed; `python benchmarks/velocity.py` writes this page. Only
+frames count in which the target was measured, there and in the frame before, and the box was on
+it. All is in the target's mean sides; errors are roots of the mean squares, each target weighing
+the same.
+
+## Velocity
+
+In sides/s. The true one is the slope of a straight line through the true centres of
+{2 * WINDOW + 1} frames, two of them later; annotations by hand jitter too. Compared are the filter
+(topic `twist`), the difference of the two latest boxes, and no motion at all.
+
+{markdown(velocity_rows(records))}
+
+## Where the target is some frames later
+
+In sides, from the true centre: the box of the frame moved on by the filter, as with
+`predict_to_now`, and the box of the frame as it is (hold).
+
+{markdown(forecast_rows(records))}
+"""
+    arguments.out.write_text(text, encoding='utf-8')
+    print(text)
+
+
+if __name__ == '__main__':
+    main()

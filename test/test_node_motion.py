@@ -1,0 +1,150 @@
+"""How the target moves, over DDS: the twist, and a pose that is ahead of its image."""
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
+from node_harness import Client, NodeProcess, Scene, STEP
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo
+
+SCENE = Scene()
+BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
+#: The scene's square goes to the right by two pixels a frame.
+SPEED = 2e9 / STEP
+FRAMES = 13
+
+
+@pytest.fixture(scope='module')
+def process():
+    """Return the process of a node that starts on the scene's first box."""
+    with NodeProcess(init_box=BOX, use_sim_time='true') as process:
+        yield process
+
+
+@pytest.fixture(scope='module')
+def client(process):
+    """Return a client that hears where the target is and how it moves."""
+    with Client() as client:
+        client.hear('/diagnostics', DiagnosticArray)
+        client.hear('pose_with_covariance', PoseWithCovarianceStamped)
+        client.hear('twist', TwistWithCovarianceStamped)
+        client.ready()
+        client.start = 10**12
+        yield client
+
+
+@pytest.fixture(autouse=True)
+def _fresh(client):
+    """Begin a new stream: its stamps are before the last one's."""
+    client.start -= 10**10
+    for topic in ('pose', 'pose_with_covariance', 'twist'):
+        del client.heard[topic][:]
+
+
+def play(client, visible=lambda index: True):
+    """Send the scene; return detections, poses and twists when all have come."""
+    answers = [client.send(SCENE.frame(i, visible(i)), client.start + STEP * i)
+               for i in range(FRAMES)]
+    heard = [client.heard[topic] for topic in ('pose', 'pose_with_covariance', 'twist')]
+    count = sum(bool(answer.detections) for answer in answers)
+    client.until(lambda: all(len(one) == count for one in heard), 'no pose, or no twist')
+    return [answer for answer in answers if answer.detections], *heard
+
+
+def stamp(message):
+    """Return a message's stamp in nanoseconds."""
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def test_twist_comes_with_every_pose(client):
+    """In px/s, with the image's header, and only while the target is measured."""
+    answers, poses, exact, twists = play(client, lambda index: not 8 <= index < 11)
+    assert 8 <= len(answers) < FRAMES
+    for answer, pose, sure, twist in zip(answers, poses, exact, twists):
+        assert answer.header == pose.header == sure.header == twist.header
+        covariance = np.reshape(twist.twist.covariance, (6, 6))
+        assert (covariance[:2, :2].diagonal() > 0).all()
+        assert not covariance[2].any() and (covariance[3:, 3:].diagonal() >= 1e6).all()
+        linear, angular = twist.twist.twist.linear, twist.twist.twist.angular
+        assert linear.z == angular.x == angular.y == angular.z == 0
+    assert (twists[0].twist.twist.linear.x, twists[0].twist.twist.linear.y) == (0, 0)
+    known = twists[7].twist
+    assert known.twist.linear.x == pytest.approx(SPEED, rel=0.3)
+    assert 0 < known.covariance[0] < twists[0].twist.covariance[0] / 4
+
+
+def test_pose_is_ahead_of_its_image(client, process):
+    """
+    With predict_to_now it's that of the node's clock, moved by the velocity times the age.
+
+    Before there is a time, and for an image that is older than half a second, it isn't predicted;
+    the log says so. The clock is simulated, and stands still.
+    """
+    assert client.get('predict_to_now') == [False]
+    assert client.change(predict_to_now=True)[0].successful
+    answers, poses, _, twists = play(client)
+    assert all(answer.header == pose.header == twist.header
+               for answer, pose, twist in zip(answers, poses, twists))
+    process.wait_for_log('after the node')
+
+    client.start -= 10**10
+    now = client.start + FRAMES * STEP + 120_000_000
+    clock = client.publisher('/clock', Clock)
+    message = Clock()
+    message.clock.sec, message.clock.nanosec = divmod(now, 10**9)
+    clock.publish(message)
+    client.until(lambda: any(stamp(one) == now for one in client.heard['/diagnostics']), 'no time')
+    for topic in ('pose', 'pose_with_covariance', 'twist'):
+        del client.heard[topic][:]
+    answers, poses, exact, twists = play(client)
+    assert [stamp(answer) for answer in answers] == [
+        client.start + STEP * i for i in range(FRAMES)]
+    for answer, pose, sure, twist in zip(answers, poses, exact, twists):
+        age = (now - stamp(answer)) / 1e9
+        assert pose.header == sure.header == twist.header
+        assert stamp(pose) == (now if age <= 0.5 else stamp(answer))
+        assert pose.header.frame_id == 'camera_optical'
+    assert [stamp(pose) == now for pose in poses].count(False) == 2
+    age = (now - stamp(answers[-1])) / 1e9
+    center = answers[-1].detections[0].bbox.center.position
+    speed = twists[-1].twist.twist.linear
+    way = poses[-1].pose.position.x - center.x, poses[-1].pose.position.y - center.y
+    assert speed.x == pytest.approx(SPEED, rel=0.3)
+    assert way == pytest.approx((age * speed.x, age * speed.y), rel=0.3, abs=0.5)
+    own = answers[-1].detections[0].results[0].pose.covariance
+    assert exact[-1].pose.covariance[0] > own[0] and exact[-1].pose.covariance[7] > own[7]
+
+    client.start -= 10**10
+    assert client.change(predict_to_now=False)[0].successful
+    del poses[:], exact[:], twists[:]
+    answers, poses, *_ = play(client)
+    for answer, pose in zip(answers, poses):
+        center = answer.detections[0].bbox.center.position
+        assert answer.header == pose.header
+        assert (pose.pose.position.x, pose.pose.position.y) == (center.x, center.y)
+
+
+def test_metres_per_second(client):
+    """With a calibration and the target's width: 24 px wide at fx = 200 px, 0.24 m is 2 m away."""
+    message = CameraInfo(width=SCENE.width, height=SCENE.height, distortion_model='plumb_bob')
+    message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
+    assert client.change(target_width=0.24)[0].successful
+    client.publisher('camera_info', CameraInfo).publish(message)
+    client.until(lambda: play_one(client) == 'metres', 'no metres')
+    client.start -= 10**10
+    for topic in ('pose', 'pose_with_covariance', 'twist'):
+        del client.heard[topic][:]
+    _, poses, _, twists = play(client)
+    depth = poses[-1].pose.position.z
+    assert depth == pytest.approx(2.0, rel=0.15)
+    twist = twists[-1].twist
+    assert twist.twist.linear.x == pytest.approx(SPEED * depth / 200, rel=0.4)
+    assert abs(twist.twist.linear.z) < 3 * twist.covariance[14]**0.5
+    assert twist.covariance[14] > 0
+
+
+def play_one(client):
+    """Begin a new stream with one frame; return the units of its pose."""
+    client.start -= 10**10
+    return client.state_after(client.send(SCENE.frame(0), client.start))['pose_units']

@@ -1,0 +1,98 @@
+"""Several hypotheses of how something moves, side by side: the interacting multiple models."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from vtrack_ros.estimation.kalman import Gaussian, matrix_times
+from vtrack_ros.estimation.model import checked_array, checked_count, FloatArray, LinearModel
+
+
+class VelocityHypotheses(LinearModel):
+    """
+    Positions whose velocity stays, or fades, under K hypotheses: one for each of K beliefs.
+
+    The state is `[p_1 .. p_d, v_1 .. v_d]`, the measurement p. Under each hypothesis the velocity
+    is driven by white acceleration of a spectral density, [unit^2/s^3], and fades exponentially
+    with a time constant, [s]; infinite, it is that of `ConstantVelocity`. A velocity that fades is
+    an Ornstein-Uhlenbeck process, its moments exact (Uhlenbeck and Ornstein, 1930).
+
+    Matrices are stacked, shape (K, 2d, 2d), so that a `KalmanFilter` takes K beliefs in one go.
+    """
+
+    def __init__(self, positions: int, densities: ArrayLike, time_constants: ArrayLike) -> None:
+        self.positions = d = checked_count('positions', positions)
+        rates = checked_array('rates', 1 / np.asarray(time_constants, np.float64), (None,))
+        self._hypotheses = list(zip(
+            checked_array('densities', densities, rates.shape).tolist(), rates.tolist()))
+        self._step: tuple[float, FloatArray, FloatArray] | None = None
+        super().__init__(np.eye(d, 2 * d), np.eye(d))
+
+    def transition_matrix(self, dt: float) -> FloatArray:
+        return self._matrices(dt)[1]
+
+    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+        return matrix_times(self.transition_matrix(dt), states)
+
+    def process_noise(self, dt: float) -> FloatArray:
+        return self._matrices(dt)[2]
+
+    def _matrices(self, dt: float) -> tuple[float, FloatArray, FloatArray]:
+        """Return the step, and F and Q of it; the last ones are remembered."""
+        if self._step is None or self._step[0] != dt:
+            rows = [_step(rate, dt) for _, rate in self._hypotheses]
+            noise = [[q * part for part in row[1]] for (q, _), row in zip(self._hypotheses, rows)]
+            self._step = dt, self._blocks([row[0] for row in rows]), self._blocks(noise)
+        return self._step
+
+    def _blocks(self, rows: list[list[float]]) -> FloatArray:
+        """Return matrices (K, 2d, 2d) of four blocks, each a multiple of the identity."""
+        d = self.positions
+        blocks: FloatArray = np.einsum('kab,ij->kaibj', np.reshape(rows, (-1, 2, 2)), np.eye(d))
+        return blocks.reshape(len(rows), 2 * d, 2 * d)
+
+
+def _step(rate: float, dt: float) -> tuple[list[float], list[float]]:
+    """Return place and velocity by place and velocity before, and their variances for density 1."""
+    kept = math.exp(-rate * dt)
+    if rate * dt < 1e-3:
+        # next to nothing fades; beyond, differences of nearly equal numbers would be left of it
+        way, places, speeds = dt, dt**3 / 3, dt
+    else:
+        way = -math.expm1(-rate * dt) / rate
+        speeds = (1 - kept**2) / (2 * rate)
+        places = (dt - 2 * way + speeds) / rate**2
+    return [1.0, way, 0.0, kept], [places, way**2 / 2, way**2 / 2, speeds]
+
+
+def switching(count: int, dt: float, time_constant: float) -> FloatArray:
+    """Return the probabilities (K, K) that a hypothesis gives way to another within `dt`."""
+    stay = math.exp(-dt / time_constant)
+    return stay * np.eye(count) + (1 - stay) / count
+
+
+def mix(beliefs: Gaussian, weights: FloatArray,
+        transition: FloatArray) -> tuple[Gaussian, FloatArray]:
+    """
+    Let hypotheses give way to each other before a step: the interaction [Blom1988].
+
+    `weights` (K,) are the hypotheses' probabilities, `transition` (K, K) is from row to column.
+    Returns what each begins with, moments matched, and its probability.
+    """
+    predicted = weights @ transition
+    shares = (weights[:, np.newaxis] * transition / predicted).T
+    mean = shares @ beliefs.mean
+    offset = beliefs.mean - mean[:, np.newaxis]
+    covariance = np.tensordot(shares, beliefs.covariance, 1)
+    covariance += (shares[:, :, np.newaxis] * offset).swapaxes(1, 2) @ offset
+    return Gaussian(mean, covariance), predicted
+
+
+def moments(beliefs: Gaussian, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return mean (n,) and covariance (n, n) of a mixture of beliefs with weights (K,)."""
+    mean = weights @ beliefs.mean
+    offset = beliefs.mean - mean
+    covariance = np.tensordot(weights, beliefs.covariance, 1)
+    covariance += (weights * offset.T) @ offset
+    return mean, covariance

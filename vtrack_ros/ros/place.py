@@ -1,0 +1,118 @@
+"""Where the target is and how fast it moves, published in the units that can be had."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo
+
+from vtrack_ros.frame import Array, Frame
+from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.camera import Camera, locate, locate_velocity, Position
+from vtrack_ros.messages import poses
+from vtrack_ros.messages.camera_info import camera_from_info
+from vtrack_ros.messages.images import stamp_nanoseconds
+from vtrack_ros.ros.message_types import MessageTypes
+from vtrack_ros.ros.parameter_node import ParameterNode
+from vtrack_ros.ros.publishers import Publishers, Velocity
+from vtrack_ros.session.motion_filter import LONGEST_FORECAST
+from vtrack_ros.tracker import Estimate
+
+#: The log says what may come with every frame no more often than this, in seconds.
+QUIET = 2.0
+#: The covariance of a box that is known exactly.
+_EXACT = np.zeros((4, 4))
+
+
+class Place:
+    """
+    Publishes pose, twist and transform of the target that a node's session measures.
+
+    `units` are those of the latest one, empty where there was none.
+    """
+
+    def __init__(self, node: ParameterNode, types: MessageTypes, publishers: Publishers) -> None:
+        self._node = node
+        self._log = Node.get_logger(node)
+        self._types = types
+        self._publishers = publishers
+        self._camera: Camera | None = None
+        self.units = self._told_units = ''
+
+    def publish(self, header: Any, frame: Frame, estimate: Estimate) -> None:
+        """Publish what is measured in a frame, whose header it is, or what has become of it."""
+        header, age = self._published_at(header)
+        motion = self._node.session.motion(age) if age else None
+        located = partial(self._located, self._camera_of(frame))
+        position = (located(estimate.box, estimate.covariance) if motion is None else
+                    located(motion.box, motion.covariance[:4, :4]))
+        if position is None:
+            self.units = ''
+            self._tell_of_no_pose()
+            return
+        self.units = position.units
+        if position.units != self._told_units:
+            before, self._told_units = self._told_units, position.units
+            self._log.info(f'pose units: {position.units}' + (before and f', after {before}'))
+        self._publishers.publish_pose(header, position, estimate.angle)
+
+        def velocity() -> Velocity | None:
+            moving = self._node.session.motion(age)
+            return None if moving is None else locate_velocity(
+                located, moving.box, moving.velocity, moving.covariance)
+        self._publishers.publish_twist(header, velocity)
+        child = self._node.settings.text('target_frame')
+        if child and position.units == 'metres':
+            self._publishers.publish_transform(header, position, estimate.angle, child)
+
+    def on_camera_info(self, message: CameraInfo) -> None:
+        """Take a calibration; of a wrong one the log says why."""
+        try:
+            self._camera = camera_from_info(message)
+        except ValueError as error:
+            self._camera = None
+            pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
+            self._log.warning(
+                f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}",
+                throttle_duration_sec=QUIET)
+
+    def _published_at(self, header: Any) -> tuple[Any, float]:
+        """Return the header of what is published of an image, and by how much it's ahead [s]."""
+        if not self._node.settings['predict_to_now']:
+            return header, 0.0
+        now = self._node.get_clock().now().nanoseconds
+        age = (now - stamp_nanoseconds(header.stamp)) / 1e9
+        if 0 <= age <= LONGEST_FORECAST:
+            return poses.header(self._types, now, header.frame_id), age
+        self._log.warning(
+            f'predict_to_now: the image is stamped {abs(age):.3f} s '
+            f'{"before" if age > 0 else "after"} the node\'s time, and a pose is only predicted '
+            f'from 0 to {LONGEST_FORECAST:g} s: it is published as it was in the image',
+            throttle_duration_sec=QUIET)
+        return header, 0.0
+
+    def _camera_of(self, frame: Frame) -> Camera | None:
+        """Return the camera, if its images are of the frame's size."""
+        camera = self._camera
+        height, width = frame.shape[:2]
+        if camera is not None and (camera.width, camera.height) != (width, height):
+            self._log.warning(
+                f'camera_info is for {camera.width} x {camera.height}, but the image is '
+                f'{width} x {height}: it is not used', throttle_duration_sec=QUIET)
+            camera = None
+        return camera
+
+    def _located(self, camera: Camera | None, box: Box,
+                 covariance: Array = _EXACT) -> Position | None:
+        settings = self._node.settings
+        return locate(box, covariance, camera, settings.text('pose_units'),
+                      settings.number('target_width'), settings.number('target_height'))
+
+    def _tell_of_no_pose(self) -> None:
+        units = self._node.settings.text('pose_units')
+        needed = 'camera_info of the image, a box within the reach of its lens model'
+        if units == 'metres':
+            needed += ', and target_width or target_height'
+        self._log.warning(f'no pose: pose_units {units} needs {needed}',
+                          throttle_duration_sec=QUIET)

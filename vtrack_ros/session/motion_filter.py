@@ -1,0 +1,171 @@
+"""How the target moves: what a Kalman filter makes of the boxes that any tracker measures."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from vtrack_ros.estimation import (
+    Gaussian, GaussianNoise, KalmanFilter, mix, moments, switching, VelocityHypotheses)
+from vtrack_ros.frame import Array
+from vtrack_ros.geometry import Box
+from vtrack_ros.tracker import Estimate
+
+#: Beyond so many seconds without a measurement nothing is known of the motion any more.
+LONGEST_FORECAST = 0.5
+#: So many frames that nobody asked about are remembered for the first who does.
+_BACKLOG = 30
+#: Densities of the white acceleration of a steady and an erratic target, in mean sides^2/s^3, and
+#: the seconds in which their velocities fade.
+_DENSITIES, _FADING = (2.0, 500.0), (math.inf, 0.1)
+#: The seconds in which either becomes the other.
+_SWITCHING = 0.33
+#: What a logarithm of the size changes by, where the centre does by a mean side.
+_SIZE_SHARE = 0.5
+#: Standard deviation of a velocity that nothing is known of, in mean sides/s.
+_FIRST_VELOCITY = 3.0
+#: The share of a tracker's variance that is another error in each frame; the rest is much the same
+#: from frame to frame, and looks like no motion.
+_JITTER_SHARE = 0.05
+#: Standard deviation of the jitter that any tracker has, in mean sides.
+_LEAST_JITTER = 0.01
+#: Variances of a tracker that doesn't say any, in the units of the state.
+_USUAL = np.array([0.005, 0.005, 0.04, 0.04])
+#: Beyond this squared Mahalanobis distance it's no motion: one in a million, chi-square of 2.
+_JUMP = 27.6
+
+
+@dataclass(frozen=True)
+class Motion:
+    """
+    Where the target is and how it moves.
+
+    `velocity`, shape (4,), [px/s], is that of (centre x, centre y, width, height); `covariance`,
+    shape (8, 8), is over those four, [px], and their velocities, [px/s]; NaN: unknown.
+    """
+
+    box: Box
+    velocity: Array
+    covariance: Array
+
+
+class MotionFilter:
+    """
+    A Kalman filter on measured boxes in real time, the same for every tracker.
+
+    The state is the centre in mean sides of the target, the logarithms of its size, and their
+    velocities. Two hypotheses interact [Blom1988], of a target at nearly constant velocity and of
+    one that darts to and fro: so the acceleration fits the target, and the covariance as well.
+
+    Where nothing is measured time passes. What is found again where constant velocity hasn't taken
+    it, or comes from further off than a target can go, begins anew: a jump is no velocity.
+    """
+
+    def __init__(self) -> None:
+        self._filter = KalmanFilter(VelocityHypotheses(4, _DENSITIES, _FADING))
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the target."""
+        self._pending: deque[tuple[Estimate, int]] = deque(maxlen=_BACKLOG)
+        self._beliefs: Gaussian | None = None
+        self._weights = np.full(len(_DENSITIES), 1 / len(_DENSITIES))
+        self._measured = self._coasted = False
+        self._side, self._stamp = 1.0, 0
+
+    def add(self, estimate: Estimate, stamp: int) -> None:
+        """Take a frame's estimate, stamped in ns; it's filtered when somebody asks."""
+        self._pending.append((estimate, stamp))
+
+    def motion(self, age: float = 0.0) -> Motion | None:
+        """
+        Return the motion `age` seconds after the latest frame; None unless it was measured there.
+
+        The measured box goes on with the velocity, and its covariance, the tracker's, grows.
+        """
+        while self._pending:
+            self._update(*self._pending.popleft())
+        if self._beliefs is None or not self._measured:
+            return None
+        mean, covariance = self._beliefs.mean.copy(), self._beliefs.covariance.copy()
+        mean[:, :4], covariance[:, :4, :4] = self._place, self._error
+        state, covariance = moments(
+            self._filter.predict(Gaussian(mean, covariance), age), self._weights)
+        box = Box.from_center(*self._side * state[:2], *np.exp(_SIZE_SHARE * state[2:4]))
+        units = _units(self._side, box)
+        velocity = units * state[4:]
+        slope = np.diag([*units, *units])
+        # a larger box grows faster at the same rate
+        slope[[6, 7], [2, 3]] = _SIZE_SHARE * velocity[2:]
+        covariance = slope @ covariance @ slope.T
+        return Motion(box, velocity, covariance if self._known else covariance * math.nan)
+
+    def _update(self, estimate: Estimate, stamp: int) -> None:
+        self._measured = estimate.measured
+        if not estimate.measured:
+            self._coasted = True
+            return
+        box = estimate.box
+        side = math.sqrt(box.area)
+        error, self._known = _error(estimate, _units(side, box))
+        least = _LEAST_JITTER**2 * np.eye(4)
+        before, dt = self._side, (stamp - self._stamp) / 1e9
+        self._side, self._stamp, self._error = side, stamp, error + least
+        self._place = np.array([*np.divide(box.center, side),
+                                *np.log([box.width, box.height]) / _SIZE_SHARE])
+        jitter = GaussianNoise.from_covariance(_JITTER_SHARE * error + least)
+        if not (0 < dt <= LONGEST_FORECAST and self._follow(jitter, before / side, dt)):
+            self._begin(jitter)
+        self._coasted = False
+
+    def _follow(self, jitter: GaussianNoise, scale: float, dt: float) -> bool:
+        """Filter the latest place, `dt` seconds on; False if no motion takes the target there."""
+        if self._beliefs is None:
+            return False
+        scales = np.array([scale, scale, 1.0, 1.0] * 2)
+        beliefs, weights = mix(
+            Gaussian(self._beliefs.mean * scales,
+                     self._beliefs.covariance * np.outer(scales, scales)),
+            self._weights, switching(len(self._weights), dt, _SWITCHING))
+        prior = self._filter.predict(beliefs, dt)
+        # of the centre, and of the size
+        innovation = (self._place - prior.mean[:, :4]).reshape(-1, 2, 2)
+        spread = prior.covariance[:, :4, :4] + jitter.covariance
+        parts = np.stack([spread[:, :2, :2], spread[:, 2:, 2:]], axis=1)
+        distance = np.einsum(
+            'kpa,kpab,kpb->kp', innovation, np.linalg.inv(parts), innovation)
+        furthest = distance.max(axis=1)
+        # not a number, it's none either
+        if not (furthest[0] if self._coasted else furthest.min()) <= _JUMP:
+            return False
+        # how steady the centre is; a size is only measured now and then
+        evidence = -0.5 * (distance[:, 0] + np.log(np.linalg.det(parts[:, 0])))
+        weights = weights * np.exp(evidence - evidence.max())
+        self._weights = weights / weights.sum()
+        self._beliefs = self._filter.update(prior, self._place, error=jitter).posterior
+        return True
+
+    def _begin(self, jitter: GaussianNoise) -> None:
+        """Begin at the latest place, at rest."""
+        count = len(_DENSITIES)
+        covariance = _FIRST_VELOCITY**2 * np.eye(8)
+        covariance[:4, :4] = jitter.covariance
+        self._beliefs = Gaussian.from_moments(
+            np.tile([*self._place, 0.0, 0.0, 0.0, 0.0], (count, 1)), covariance)
+        self._weights = np.full(count, 1 / count)
+
+
+def _error(estimate: Estimate, units: Array) -> tuple[Array, bool]:
+    """Return a tracker's covariance in units of the state, and whether it said any."""
+    error = estimate.covariance / np.outer(units, units)
+    if np.isfinite(error).all() and np.linalg.eigvalsh(error)[0] > -_LEAST_JITTER**2:
+        return error, True
+    return np.diag(_USUAL), False
+
+
+def _units(side: float, box: Box) -> Array:
+    """Return what one of the state's units is of a box, [px]."""
+    return np.array([side, side, _SIZE_SHARE * box.width, _SIZE_SHARE * box.height])
