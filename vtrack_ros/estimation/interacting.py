@@ -84,7 +84,7 @@ def mix(beliefs: Gaussian, weights: FloatArray,
     shares = (weights[:, np.newaxis] * transition / predicted).T
     mean = shares @ beliefs.mean
     offset = beliefs.mean - mean[:, np.newaxis]
-    covariance = np.tensordot(shares, beliefs.covariance, 1)
+    covariance = _weighted(shares, beliefs.covariance)
     covariance += (shares[:, :, np.newaxis] * offset).swapaxes(1, 2) @ offset
     return Gaussian(mean, covariance), predicted
 
@@ -93,6 +93,12 @@ def moments(beliefs: Gaussian, weights: FloatArray) -> tuple[FloatArray, FloatAr
     """Return mean (n,) and covariance (n, n) of a mixture of beliefs with weights (K,)."""
     mean = weights @ beliefs.mean
     offset = beliefs.mean - mean
-    covariance = np.tensordot(weights, beliefs.covariance, 1)
+    covariance = _weighted(weights, beliefs.covariance)
     covariance += (weights * offset.T) @ offset
     return mean, covariance
+
+
+def _weighted(weights: FloatArray, matrices: FloatArray) -> FloatArray:
+    """Return sums (..., n, n) of matrices (K, n, n) with weights (..., K)."""
+    sums: FloatArray = weights @ matrices.reshape(len(matrices), -1)
+    return sums.reshape(*weights.shape[:-1], *matrices.shape[1:])

@@ -92,8 +92,9 @@ class MotionFilter:
             return None
         mean, covariance = self._beliefs.mean.copy(), self._beliefs.covariance.copy()
         mean[:, :4], covariance[:, :4, :4] = self._place, self._error
+        beliefs = Gaussian(mean, covariance)
         state, covariance = moments(
-            self._filter.predict(Gaussian(mean, covariance), age), self._weights)
+            self._filter.predict(beliefs, age) if age else beliefs, self._weights)
         box = Box.from_center(*self._side * state[:2], *np.exp(_SIZE_SHARE * state[2:4]))
         units = _units(self._side, box)
         velocity = units * state[4:]
@@ -131,18 +132,19 @@ class MotionFilter:
                      self._beliefs.covariance * np.outer(scales, scales)),
             self._weights, switching(len(self._weights), dt, _SWITCHING))
         prior = self._filter.predict(beliefs, dt)
-        # of the centre, and of the size
-        innovation = (self._place - prior.mean[:, :4]).reshape(-1, 2, 2)
+        # of centre and size, (K, 2): squared Mahalanobis distances by the inverse of each 2 x 2
+        innovation = self._place - prior.mean[:, :4]
         spread = prior.covariance[:, :4, :4] + jitter.covariance
-        parts = np.stack([spread[:, :2, :2], spread[:, 2:, 2:]], axis=1)
-        distance = np.einsum(
-            'kpa,kpab,kpb->kp', innovation, np.linalg.inv(parts), innovation)
+        variance, mixed = spread.diagonal(axis1=1, axis2=2), spread[:, [0, 2], [1, 3]]
+        (dx, dy), (xx, yy) = ((of[:, ::2], of[:, 1::2]) for of in (innovation, variance))
+        determinant = xx * yy - mixed * mixed
+        distance = (yy * dx * dx - 2 * mixed * dx * dy + xx * dy * dy) / determinant
         furthest = distance.max(axis=1)
         # not a number, it's none either
         if not (furthest[0] if self._coasted else furthest.min()) <= _JUMP:
             return False
         # how steady the centre is; a size is only measured now and then
-        evidence = -0.5 * (distance[:, 0] + np.log(np.linalg.det(parts[:, 0])))
+        evidence = -0.5 * (distance[:, 0] + np.log(determinant[:, 0]))
         weights = weights * np.exp(evidence - evidence.max())
         self._weights = weights / weights.sum()
         self._beliefs = self._filter.update(prior, self._place, error=jitter).posterior
