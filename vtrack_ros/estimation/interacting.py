@@ -54,7 +54,7 @@ class VelocityHypotheses(LinearModel):
 
 
 def _step(rate: float, dt: float) -> tuple[list[float], list[float]]:
-    """Return place and velocity by place and velocity before, and their variances for density 1."""
+    """Return place and velocity by those before, and their covariance at a density of 1."""
     kept = math.exp(-rate * dt)
     if rate * dt < 1e-3:
         # next to nothing fades; beyond, differences of nearly equal numbers would be left of it
