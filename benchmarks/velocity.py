@@ -44,8 +44,7 @@ class Record:
     `velocity` is by what says it, [sides^2/s^2], and so is `growth`, the rate of the width as a
     share of it, [1/s^2]; `inside` is the share of true velocities in the 90 % ellipse,
     `growth_inside` of true rates in the 90 % interval. `forecast` and `hold` are of the centre so
-    many frames ahead, [sides^2],
-    `inside_ahead` the share of true centres in the 90 % ellipse.
+    many frames ahead, [sides^2], `inside_ahead` the share of true centres in the 90 % ellipse.
     """
 
     half: str
@@ -217,8 +216,8 @@ In sides/s. The true one is the slope of a straight line through the true centre
 
 ## Growth
 
-The rate of the width as a share of the width, in 1/s, which the velocity along z comes from. The true
-widths are those of upright bounds: a walker's legs count.
+The rate of the width as a share of the width, in 1/s, which the velocity along z comes from. The
+true widths are those of upright bounds: a walker's legs count.
 
 {markdown(growth_rows(records))}
 

@@ -60,7 +60,8 @@ def test_error_is_what_the_covariance_says(density, fading, most):
     """
     Of simulated targets the 90 % ellipse holds about 90 %.
 
-    Of steady ones more: they might become erratic in the next moment. Truth by Euler's method in steps of a millisecond; the errors of measurement are white.
+    Of steady ones more: they might become erratic in the next moment. Truth by Euler's method in
+    steps of a millisecond; the errors of measurement are white.
     """
     rng, inside = np.random.default_rng(8), []
     for _ in range(25):

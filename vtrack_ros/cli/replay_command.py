@@ -22,8 +22,8 @@ EXAMPLES = """examples:
   vtrack replay BAG --tracker pf --list-parameters
 
 DIR gets results.csv (one row per frame, in full precision), bag/ (detections, poses and
-twists, with the images' own headers), video.mp4 and contact_sheet.png. The same bag, tracker, parameters and seed
-give the same boxes, bit for bit, as the node does where it drops no frame."""
+twists, with the images' own headers), video.mp4 and contact_sheet.png. The same bag, tracker,
+parameters and seed give the same boxes, bit for bit, as the node does where it drops no frame."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

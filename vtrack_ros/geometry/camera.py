@@ -24,7 +24,7 @@ class Position:
     """
     Where the target is: point (3,) and covariance (3, 3), in 'pixels', 'ray' or 'metres'.
 
-    `slope`, shape (3, 4), is the point's derivative by the box's centre x, centre y, width, height.
+    `slope`, shape (3, 4), is the point's derivative by the box's centre (x, y), width and height.
     """
 
     point: Vector

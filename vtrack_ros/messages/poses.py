@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 #: The variance of an angle that may be anything, in rad^2: that of a uniform one.
 UNKNOWN_ANGLE = math.pi ** 2 / 3
-#: The variance of an angular velocity that nobody measures, in rad^2/s^2, as other packages say it.
+#: The variance of an angular velocity that nobody measures, in rad^2/s^2.
 UNKNOWN_RATE = 1e6
 
 Types = Mapping[str, Any]
