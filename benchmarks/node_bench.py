@@ -149,8 +149,13 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-def rss_mb(pid: int) -> float:
-    """Return the memory that a process holds, in MB; libraries and DDS segments counted too."""
+def rss_mb(pid: int, part: str = 'VmRSS') -> float:
+    """
+    Return the memory that a process holds, in MB; libraries and DDS segments counted too.
+
+    The `part` that's its own alone is `RssAnon`: the pages of shared memory, which is of a fixed
+    size, count from when they're used first.
+    """
     status = dict(line.split(':', 1) for line in
                   Path(f'/proc/{pid}/status').read_text().splitlines() if ':' in line)
-    return int(status['VmRSS'].split()[0]) / 1e3
+    return int(status[part].split()[0]) / 1e3

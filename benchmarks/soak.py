@@ -41,6 +41,7 @@ class Window:
     compute_ms_p50: float
     cpu_ms_per_frame: float
     rss_mb: float
+    private_mb: float
     descriptors: int
     threads: int
     #: The share of the machine's time that its host gave to others.
@@ -96,6 +97,7 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
                 count, answered, answers.found, *answers.percentiles(),
                 float(np.median(compute)) if compute else float('nan'),
                 1e3 * (cpu_seconds(process.pid) - cpu) / max(1, answered), rss_mb(process.pid),
+                rss_mb(process.pid, 'RssAnon'),
                 len(os.listdir(f'/proc/{process.pid}/fd')),
                 len(os.listdir(f'/proc/{process.pid}/task')), float(stolen / max(1, all_ticks)))
             tell(window)

@@ -3,7 +3,7 @@ Camera on one machine, tracker on another: two network namespaces, joined by a v
 
 `.venv/bin/python benchmarks/two_machines.py` (as root, with iproute2 and nftables) writes
 two_machines.json into docs/results: what arrives of VGA in colour at 30 Hz, raw and compressed,
-and how many bytes it takes, over a good cable, a narrow one, one that loses packets, and long ones.
+and how many bytes it takes, over a good cable, a narrow one, one that loses packets and long ones.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ def test_a_node_keeps_what_it_has():
     assert last.found > 0
     assert (last.threads, last.descriptors) == (first.threads, first.descriptors)
     # One VGA frame in each answer that is kept would be 40 MB.
-    assert last.rss_mb - first.rss_mb < 16
+    assert last.private_mb - first.private_mb < 4
 
 
 def test_a_size_that_stays_is_kept():

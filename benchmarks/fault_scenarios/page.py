@@ -75,6 +75,7 @@ def _soak(soak: dict[str, Any]) -> list[str]:
             ("the tracker's own time, p50, ms", 'compute_ms_p50', ''),
             ('CPU per answered image, ms', 'cpu_ms_per_frame', ''),
             ('memory (RSS), MB', 'rss_mb', 'at most 2 more'),
+            ('of that, not shared, MB', 'private_mb', 'at most 2 more'),
             ('file descriptors', 'descriptors', 'the same'), ('threads', 'threads', 'the same'),
             ('stolen', 'stolen', '')):
         lines.append(f'| {name} | {first[key]:.4g} | {last[key]:.4g} | {wanted} |')
