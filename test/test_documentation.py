@@ -32,12 +32,12 @@ def examples(repository: Path) -> dict[str, object]:
 
 def test_example_trackers(examples):
     """The example trackers follow a target."""
-    overlaps = [float(word) for word in examples['printed'].split()]
-    assert len(overlaps) == 2 and min(overlaps) > 0.7
+    words = examples['printed'].split()
+    assert words[::2] == ['broad', 'steady', 'edges'] and min(map(float, words[1::2])) > 0.7
 
 
 def test_example_cue(examples):
-    """The example cue adds to the response where edges are."""
+    """The example cue adds to the response where edges are, in its tracker too."""
     shot = next(render('pose_change'))
     size = (shot.truth.width, shot.truth.height)
     window = WindowLayout.around(*size).window(shot.frame, shot.truth.center, size)
@@ -46,6 +46,11 @@ def test_example_cue(examples):
     assert edges.shape == plain.shape and edges.max() > 0
     added = examples['EdgeModel'].create(window).response(window) - plain
     assert added == pytest.approx(np.float32(0.05) * edges, abs=1e-6)
+    center = shot.truth.center
+    plain, preferred = (
+        examples[name](shot.frame, center, size, np.random.default_rng(0)).localise(
+            shot.frame, center).values for name in ('Localiser', 'EdgeLocaliser'))
+    assert (preferred >= plain).all() and (preferred > plain).any()
 
 
 def test_example_files(repository):

@@ -45,12 +45,14 @@ class Localiser:
 
     #: So many windows, beside the first one, may be searched in a frame.
     MORE_WINDOWS: ClassVar[int] = 12
+    #: What learns the target; one with cues of its own is named by a subclass.
+    MODEL: ClassVar[type[TargetModel]] = TargetModel
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
                  searches: int = 2, confined: bool = False) -> None:
         layout = WindowLayout.around(*size, FINE if confined else COARSE)
         window = layout.window(frame, center, size)
-        model = TargetModel.create(window, confined)
+        model = self.MODEL.create(window, confined)
         self._template = InitialTemplate.of(model, window)
         self._first_scale = model.scale
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
