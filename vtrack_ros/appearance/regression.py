@@ -193,9 +193,9 @@ def fourier_matrices(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
     return over_rows.astype(np.complex64), over_columns.astype(np.complex64)
 
 
-# Windows are so small that Fourier transforms are quicker as matrix products: one for each channel,
-# for OpenBLAS shares larger ones among threads, and on a busy machine it takes them milliseconds
-# to wake.
+# Windows are so small that Fourier transforms are quicker as matrix products: one for each
+# channel, for OpenBLAS shares larger ones among threads, and on a busy machine it takes them
+# milliseconds to wake.
 
 
 @lru_cache(maxsize=64)
