@@ -63,6 +63,19 @@ class Page:
             await self.ask('Input.dispatchMouseEvent', type=kind, x=x, y=y, button='left',
                            buttons=1, clickCount=1)
 
+    async def phone(self) -> None:
+        """Be a phone from now on."""
+        await self.ask('Emulation.setDeviceMetricsOverride', width=390, height=844,
+                       deviceScaleFactor=2, mobile=True)
+        await self.ask('Emulation.setTouchEmulationEnabled', enabled=True)
+        await self.painted()
+
+    async def finger(self, *points: tuple[float, float]) -> None:
+        """Touch the first point, move along the others, and let go; in pixels of the page."""
+        for kind, (x, y) in zip(['touchStart', *['touchMove'] * (len(points) - 1)], points):
+            await self.ask('Input.dispatchTouchEvent', type=kind, touchPoints=[{'x': x, 'y': y}])
+        await self.ask('Input.dispatchTouchEvent', type='touchEnd', touchPoints=[])
+
     async def screenshot(self, path: Path) -> None:
         """Write what is seen as PNG."""
         answer = await self.ask('Page.captureScreenshot')

@@ -98,3 +98,13 @@ def test_links(repository):
     for page in pages:
         for link in re.findall(r'\]\(([^)#:]+)(?:#[^)]*)?\)', page.read_text()):
             assert (page.parent / link.strip()).exists(), f'{page.name}: {link}'
+
+
+def test_decisions(repository):
+    """A number names one decision, and those that are referred to are there."""
+    text = (repository / 'docs' / 'decisions.md').read_text()
+    numbers = re.findall(r'^### (\d+)\. ', text, re.MULTILINE)
+    assert len(set(numbers)) == len(numbers)
+    for page in (*repository.glob('*.md'), *(repository / 'docs').rglob('*.md')):
+        for one, other in re.findall(r'decisions? (\d+)(?: and (\d+))?', page.read_text()):
+            assert {one, other or one} <= {*numbers}, page.name

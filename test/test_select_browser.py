@@ -49,7 +49,7 @@ async def on_page(page, *points):
 
 @pytest.mark.skipif(CHROMIUM is None, reason='needs Chromium')
 def test_in_a_browser(tmp_path):
-    """Drag, track, change the tracker, reset, click, lose."""
+    """Drag, track, change the tracker, reset, click, lose; drag with a finger on a phone."""
     box = Scene().box(0)
 
     async def run(address, hidden):
@@ -94,5 +94,13 @@ def test_in_a_browser(tmp_path):
             hidden.clear()
             await page.until("header.box && $('state').textContent == 'tracking'")
             assert Box(*await page.value('header.box')).iou(box) > 0.4
+            await page.phone()
+            assert await page.value('document.documentElement.scrollWidth <= innerWidth')
+            await page.value("$('reset').click()")
+            await page.until("$('state').textContent == 'waiting'")
+            await page.finger(*await on_page(
+                page, (box.x, box.y), box.center, (box.x + box.width, box.y + box.height)))
+            await page.until("header.box && $('state').textContent == 'tracking'")
+            assert Box(*await page.value('header.box')).iou(box) > 0.7
     with NodeProcess(), serving() as address, camera(Scene()) as hidden:
         asyncio.run(run(address, hidden))
