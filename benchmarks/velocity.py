@@ -221,8 +221,8 @@ true widths are those of upright bounds: a walker's legs count.
 
 {markdown(growth_rows(records))}
 
-It is better than the difference of two boxes, but on videos like these zero is as good: a target's
-width says little of its distance within a few frames. Its variance says so for the most part.
+It is better than the difference of two boxes, but on videos like these zero is as good, and the
+interval is too narrow where targets change their shape: trackers keep the aspect of the first box.
 
 ## Where the target is some frames later
 
