@@ -93,8 +93,11 @@ def test_pose_is_ahead_of_its_image(client, process):
     clock = client.publisher('/clock', Clock)
     message = Clock()
     message.clock.sec, message.clock.nanosec = divmod(now, 10**9)
-    clock.publish(message)
-    client.until(lambda: any(stamp(one) == now for one in client.heard['/diagnostics']), 'no time')
+
+    def told():
+        clock.publish(message)
+        return any(stamp(one) == now for one in client.heard['/diagnostics'])
+    client.until(told, 'no time')
     for topic in ('pose', 'pose_with_covariance', 'twist'):
         del client.heard[topic][:]
     answers, poses, exact, twists = play(client)
@@ -130,8 +133,17 @@ def test_metres_per_second(client):
     message = CameraInfo(width=SCENE.width, height=SCENE.height, distortion_model='plumb_bob')
     message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
     assert client.change(target_width=0.24)[0].successful
-    client.publisher('camera_info', CameraInfo).publish(message)
-    client.until(lambda: play_one(client) == 'metres', 'no metres')
+    publisher = client.publisher('camera_info', CameraInfo)
+
+    def in_metres():
+        publisher.publish(message)
+        client.start -= 10**10
+        answer = client.send(SCENE.frame(0), client.start)
+        client.until(lambda: all(one and one[-1].header == answer.header for one in (
+            client.heard['pose'], client.heard['pose_with_covariance'], client.heard['twist'])),
+            'no pose, or no twist')
+        return client.state_after(answer)['pose_units'] == 'metres'
+    client.until(in_metres, 'no metres')
     client.start -= 10**10
     for topic in ('pose', 'pose_with_covariance', 'twist'):
         del client.heard[topic][:]
@@ -142,9 +154,3 @@ def test_metres_per_second(client):
     assert twist.twist.linear.x == pytest.approx(SPEED * depth / 200, rel=0.4)
     assert abs(twist.twist.linear.z) < 3 * twist.covariance[14]**0.5
     assert twist.covariance[14] > 0
-
-
-def play_one(client):
-    """Begin a new stream with one frame; return the units of its pose."""
-    client.start -= 10**10
-    return client.state_after(client.send(SCENE.frame(0), client.start))['pose_units']
