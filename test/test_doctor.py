@@ -66,6 +66,14 @@ def test_profile(monkeypatch, capsys, value, words):
     assert starting(found, 'note  nobody publishes images')
 
 
+def test_middleware_that_is_not_there(monkeypatch, capsys):
+    """It's named, with what to do, where ROS alone would end the process."""
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nothing_cpp')
+    code, found = lines(capsys)
+    assert code == 1 and starting(found, 'wrong the middleware rmw_nothing_cpp')
+    assert 'ros-jazzy-rmw-nothing-cpp' in found[-1] and 'unset RMW_IMPLEMENTATION' in found[-1]
+
+
 def test_topics(capsys):
     """A small image arrives; who asks for reliable ones gets none; who is silent is named."""
     frame = image_message(Scene().frame(0), 10**9)

@@ -44,6 +44,10 @@ def _findings(seconds: float) -> Iterator[Finding]:
     yield from installation.libraries()
     # Before ROS is loaded, which sets one for this process.
     profile = installation.profile(os.environ)
+    unusable = installation.unusable_middleware(os.environ)
+    if unusable is not None:
+        yield unusable
+        return
     try:
         rclpy = load_rclpy('the node')
         from vtrack_ros.ros.topic_survey import survey

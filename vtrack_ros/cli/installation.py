@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 import platform
 import shutil
+import subprocess
 import sys
 
 import vtrack_ros
@@ -59,6 +60,21 @@ def trackers() -> Finding:
     added = [name for name in tracker_names(replicas=False) if name not in own]
     return Finding(f'trackers {", ".join(own)}' + (
         f'; of other packages {", ".join(added)}' if added else ''))
+
+
+def unusable_middleware(environment: Mapping[str, str]) -> Finding | None:
+    """Return that the middleware which an environment asks for can't be loaded; None if it can."""
+    name = environment.get('RMW_IMPLEMENTATION')
+    if not name or find_spec('rclpy') is None:
+        return None
+    # In another process: ROS ends the one that asks for what isn't there.
+    tried = subprocess.run([sys.executable, '-c', 'import rclpy; rclpy.init()'],
+                           env=dict(environment), capture_output=True)
+    if tried.returncode == 0:
+        return None
+    return Finding(f"the middleware {name} of RMW_IMPLEMENTATION can't be loaded",
+                   f'apt install ros-jazzy-{name.replace("_", "-")}, or unset RMW_IMPLEMENTATION',
+                   wrong=True)
 
 
 def profile_setting() -> str:
