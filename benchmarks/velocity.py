@@ -41,7 +41,7 @@ class Record:
     """
     Errors of a run where it's on the target, in mean sides of it: mean squares and shares.
 
-    `velocity` is by what says it, [sides^2/s^2], and so is `growth`, the rate of the width as a
+    `velocity` is by what says it, [sides^2/s^2], and so is `growth`, the rate of the height as a
     share of it, [1/s^2]; `inside` is the share of true velocities in the 90 % ellipse,
     `growth_inside` of true rates in the 90 % interval. `forecast` and `hold` are of the centre so
     many frames ahead, [sides^2], `inside_ahead` the share of true centres in the 90 % ellipse.
@@ -88,7 +88,7 @@ def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) 
             if motion is None:
                 continue
             velocity[index], spread[index] = motion.velocity[:2], motion.covariance[4:6, 4:6]
-            rate[index], doubt[index] = motion.velocity[2], np.sqrt(motion.covariance[6, 6])
+            rate[index], doubt[index] = motion.velocity[3], np.sqrt(motion.covariance[7, 7])
             for step in AHEAD:
                 later = motion_filter.motion(step / RATE)
                 assert later is not None
@@ -96,7 +96,7 @@ def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) 
                 ahead_spread[step][index] = later.covariance[:2, :2]
     side = np.sqrt(truth[:, 2] * truth[:, 3])
     true = slopes(truth[:, :2] + truth[:, 2:] / 2)
-    true_rate, width = slopes(truth[:, 2:3]), truth[:, 2]
+    true_rate, height = slopes(truth[:, 3:]), truth[:, 3]
     centers = boxes[:, :2] + boxes[:, 2:] / 2
     good = measured & on_target(overlaps(boxes, truth)) & np.isfinite(true[:, 0])
     # the frames in which the filter settles count, but a difference needs two boxes
@@ -128,7 +128,7 @@ def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) 
     within = np.abs(rate - true_rate)[good] < 1.645 * doubt[good]
     return Record(
         half, int(good.sum()), errors(velocity, centers, true, side), float(np.mean(ellipse)),
-        errors(rate, boxes[:, 2:3], true_rate, width), float(np.mean(within)),
+        errors(rate, boxes[:, 3:], true_rate, height), float(np.mean(within)),
         forecast, hold, inside_ahead)
 
 
@@ -216,12 +216,12 @@ In sides/s. The true one is the slope of a straight line through the true centre
 
 ## Growth
 
-The rate of the width as a share of the width, in 1/s, which the velocity along z comes from. The
-true widths are those of upright bounds: a walker's legs count.
+The rate of the height as a share of the height, in 1/s, as the velocity along z has it with
+`target_height`. (The true width of a walker is that of the stride, which no tracker follows.)
 
 {markdown(growth_rows(records))}
 
-It is better than the difference of two boxes, but on videos like these zero is as good, and the
+It is better than the difference of two boxes, but on videos like these zero is no worse, and the
 interval is too narrow where targets change their shape: trackers keep the aspect of the first box.
 
 ## Where the target is some frames later
