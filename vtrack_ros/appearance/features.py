@@ -32,9 +32,6 @@ COLOUR_CHANNELS = 7
 _NAMES_BGR = np.array([
     (0, 0, 0), (230, 80, 20), (20, 60, 110), (128, 128, 128), (40, 150, 40), (0, 140, 255),
     (180, 105, 255), (150, 30, 130), (40, 40, 220), (255, 255, 255), (0, 230, 240)], np.uint8)
-#: CIE XYZ (columns) of full blue, green and red, as sRGB has them [IEC 61966-2-1].
-_XYZ_OF_BGR = np.array([
-    (0.1805, 0.0722, 0.9505), (0.3576, 0.7152, 0.1192), (0.4124, 0.2126, 0.0193)])
 _SPREAD = 22.0
 #: Lightness varies with the light: it counts for less than hue and chroma.
 _LIGHTNESS_WEIGHT = 0.5
@@ -180,13 +177,9 @@ def memberships() -> Array:
 
 
 def _lab(bgr: NDArray[np.uint8]) -> Array:
-    """Return sRGB colours, any shape, in CIE Lab (D65), shape (N, 3)."""
-    # OpenCV makes tables for whole images first, which takes longer than everything else here
-    share = bgr.reshape(-1, 3) / 255
-    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055)**2.4)
-    white = linear @ _XYZ_OF_BGR / _XYZ_OF_BGR.sum(0)
-    x, y, z = np.where(white > (6 / 29)**3, np.cbrt(white), white / 3 * (29 / 6)**2 + 4 / 29).T
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    converted = cv2.cvtColor(bgr.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
+    lab: Array = converted.reshape(-1, 3).astype(np.float64)
+    return lab
 
 
 def rgb555(pixels: Frame) -> NDArray[np.uint16]:
