@@ -27,7 +27,7 @@ _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
 #: then. What is learned last only compares with what was learned before, and the errors add up.
 _ANCHOR = 0.1
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
-_CENTER_ERROR, _SIZE_ERROR = 0.07, 0.10
+_CENTER_ERROR, _SIZE_ERROR = 0.12, 0.10
 #: The least and the largest factor of the first size.
 SMALLEST, LARGEST = 0.2, 5.0
 #: Weight of the latest step in the velocity.
@@ -155,15 +155,16 @@ class Localiser:
         """
         Return the estimate; the box is that of `center` and `size` where none is given.
 
-        To the filter's own covariance is added what no filter knows: the error of the model
-        itself, and of a target that isn't seen.
+        No variance is less than what no filter knows: the error of the model itself, which drifts
+        from where the target was pointed out, and of a target that isn't seen.
         """
         if box is None:
             box = Box.from_center(*self.center, *self.size)
         unseen = self._presence.unseen_frames
-        unknown = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, unseen)
+        least = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, unseen)
+        missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
-            box=box, angle=angle, covariance=covariance + unknown,
+            box=box, angle=angle, covariance=covariance + np.diag(missing),
             confidence=self._presence.confidence, state=state_after(unseen), particles=particles,
             affine=affine)
 
