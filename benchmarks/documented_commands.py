@@ -4,13 +4,15 @@ The commands of the documentation: which there are, and whether they do what the
 `python benchmarks/documented_commands.py [PAGE.md...]` runs each of them as it stands on its page,
 and the examples in Python, in a folder with short stand-ins for the bags, pictures and videos that
 the pages speak of. Those that run until Ctrl-C get it after a while; of those that take hours the
-options are looked up. What isn't run is listed with the reason.
+options are looked up. Where there is `ros2`, it talks to a node that tracks what a bag shows. What
+isn't run is listed with the reason.
 benchmarks/walkthrough.py does docs/start.md in order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import re
@@ -42,6 +44,8 @@ OTHERS = {
     'pip': 'needs the network; test/test_package.py installs with it',
     'dask': 'needs a cluster; test/test_evaluation_running.py has one',
     'eval': 'test/test_cli_commands.py completes'}
+#: What `ros2` does with a running node, where it's installed.
+VERBS = ('topic', 'param')
 #: What else isn't run, by what stands in it.
 LEFT = {
     'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
@@ -68,7 +72,7 @@ EXAMPLES_LEFT = {'README.md': 'test/test_documentation.py',
 PAGES = [page for page in (*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md'))
          if page.name != 'notebook.md']
 #: What runs until Ctrl-C.
-_ENDLESS = {'--loop', 'select', 'tracker', 'tracker_lifecycle', '--camera'}
+_ENDLESS = {'--loop', 'select', 'tracker', 'tracker_lifecycle', '--camera', 'echo'}
 #: Frames of a stand-in, and how long a command that doesn't end may run, in seconds.
 FRAMES, PATIENCE = 12, 8.0
 
@@ -110,6 +114,9 @@ def commands(page: Path) -> Iterator[list[str]]:
 def arguments(words: list[str]) -> list[str] | str:
     """Return what Python is to be given for a command, or why it isn't run."""
     program, text = words[0].removeprefix('./'), ' '.join(words)
+    ros2 = shutil.which('ros2')
+    if ros2 and program == 'ros2' and words[1] in VERBS:
+        return [ros2, *words[1:]]
     for key, reason in LEFT.items():
         if key in text:
             return reason
@@ -181,9 +188,30 @@ def run(words: list[str], folder: Path) -> int | str:
         output, _ = process.communicate()
     missing = [word for word in words if call[-1] == '--help' and word.startswith('--')
                and word not in output]
-    if process.returncode:
+    # As a shell has it, and ros2, Ctrl-C is an end with this code.
+    code = 0 if endless and process.returncode == signal.SIGINT else process.returncode
+    if code:
         print(output)
-    return f'has no {missing}' if missing else process.returncode
+    return f'has no {missing}' if missing else code
+
+
+@contextmanager
+def robot(folder: Path) -> Iterator[None]:
+    """Run a camera and a node that tracks what it shows, for `ros2` where that's installed."""
+    running = []
+    if shutil.which('ros2'):
+        node = ['--ros-args', '-r', 'image:=/image_raw', '-p', 'init_box:=[86, 112, 27, 83]']
+        bag = str(folder / 'camera')
+        run(['vtrack', 'synth', 'leave_and_return', '--out', bag, '--frames', '60'], folder)
+        camera = ['play', bag, '--loop', '--remap', '/image:=/image_raw']
+        running = [subprocess.Popen([sys.executable, *EXECUTABLES[name], *options])
+                   for name, options in (('tracker', node), ('vtrack', camera))]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.send_signal(signal.SIGINT)
+            process.wait()
 
 
 def examples(page: Path) -> list[str]:
@@ -201,7 +229,8 @@ def run_example(text: str, folder: Path) -> int:
 
 if __name__ == '__main__':
     failed, done = 0, set[str]()
-    with reserve_domain(), tempfile.TemporaryDirectory() as empty:
+    with (reserve_domain(), tempfile.TemporaryDirectory() as empty,
+          tempfile.TemporaryDirectory() as place, robot(Path(place))):
         write_stand_ins(Path(empty))
         for page in PAGES:
             if sys.argv[1:] and page.name not in sys.argv[1:]:

@@ -85,7 +85,7 @@ def test_first_line_says_what_to_do():
     with NodeProcess('-r', '__ns:=/arm', '-r', 'image:=/camera/image_raw') as process:
         process.wait_for_log('\n')
         line = process.log.splitlines()[0]
-        for name in ('/camera/image_raw', '/arm/tracker/init_roi', '/arm/tracker/init ',
+        for name in ('/camera/image_raw', '/arm/tracker/init_roi', '/arm/tracker/init,',
                      'init_box'):
             assert name in line
     with NodeProcess(init_box=BOX) as process:

@@ -15,6 +15,8 @@ from vtrack_ros.ros.diagnostics import SHARED_MEMORY
 from vtrack_ros.ros.message_types import MessageTypes
 
 _IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
+#: What a node of this package draws, and only for who watches; no camera.
+_DRAWN = '/debug_image'
 #: Nothing new in the graph for so long is all there is, in seconds; it's not waited for longer.
 _QUIET, _LONGEST = 2.0, 10.0
 #: How many images may wait.
@@ -62,7 +64,8 @@ def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list
         known = seen
     listeners = [_Listener(node, name, kind)
                  for name, kinds in sorted(node.get_topic_names_and_types())
-                 for kind in kinds if kind in _IMAGES and node.count_publishers(name)]
+                 for kind in kinds if kind in _IMAGES and node.count_publishers(name)
+                 and not name.endswith(_DRAWN)]
     _spin(executor, seconds if listeners else 0.0)
     found = [listener.result() for listener in listeners]
     for listener in listeners:
