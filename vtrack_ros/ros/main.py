@@ -73,11 +73,16 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
 
     words = list(sys.argv if arguments is None else arguments)
     cv2.setNumThreads(1)
+    # An executor that a signal finds half made complains when it's taken down.
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
     try:
         rclpy.init(args=words)
+        executor = SingleThreadedExecutor()
     except (RuntimeError, ValueError) as error:
         print(f'tracker: {_explained(str(error))}', file=sys.stderr)
         return 2
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     node = None
     try:
         left = rclpy.utilities.remove_ros_args(words)[1:]
@@ -98,7 +103,6 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
         # A signal that comes just when the executor goes to sleep may fail to wake it: the
         # shutdown is then seen at the next beat, instead of never.
         node.create_timer(1.0, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        executor = SingleThreadedExecutor()
         executor.add_node(node)
         while rclpy.ok():
             try:
