@@ -37,7 +37,7 @@ from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = {'plain': 1.0, 'rate': 3.0, 'gaps': 10.0, 'shake': 0.6, 'jumps': 1.5, 'hidden': 30.0}
+KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0}
 ALL = 'all of them'
 
 _search, _forecast, _update = GuidedSearch.search, GuidedSearch._forecast, Redetection.update
