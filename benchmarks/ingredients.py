@@ -125,7 +125,7 @@ def main() -> None:
         '# What each ingredient is worth\n\n'
         f'Made by `python benchmarks/ingredients.py`: `{arguments.tracker}`, the first '
         f'{arguments.frames} frames of {len(found)} targets of the shared sequences, '
-        f'{arguments.seeds} seeds. In the first row the AUC with everything; below, what is lost '
+        f'seeds: {arguments.seeds}. In the first row the AUC with everything; below, what is lost '
         '(-) or gained (+) without one ingredient, with the 95 % interval of a paired bootstrap '
         'over the targets. Rounding alone changes a mean by up to .005, for a target that is lost '
         'in one run is kept in another.\n\n'
