@@ -80,7 +80,8 @@ def test_topics(capsys):
     done = threading.Event()
     with Client('/camera/driver', reliability='BEST_EFFORT', topic='image_raw') as client:
         client.node.create_subscription(Image, '/camera/image_raw', print, QoSProfile(depth=1))
-        client.node.create_publisher(Image, '/silent', qos_profile_sensor_data)
+        for topic in ('/silent', '/tracker/debug_image'):
+            client.node.create_publisher(Image, topic, qos_profile_sensor_data)
 
         def send():
             while not done.wait(0.02):
@@ -97,6 +98,8 @@ def test_topics(capsys):
     assert line.endswith('lost')
     assert '/client gets nothing from /client' in starting(found, 'wrong /camera/image_raw')
     assert 'no image came' in starting(found, 'wrong /silent')
+    # What a tracker draws, for who watches, is no camera.
+    assert not any('debug_image' in line for line in found)
 
 
 def test_lost_images(capsys):
