@@ -9,7 +9,6 @@ with the 95 % interval of a paired bootstrap over the targets: negative where it
 
 from __future__ import annotations
 
-import argparse
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,8 +19,9 @@ from unittest.mock import patch
 
 from joblib import delayed, Parallel
 import numpy as np
+from result_files import facts_text, interval_text
 from sequences import interval
-from shared_sequences import FOLDER, folder_sequences, is_tuned
+from shared_sequences import folder_sequences, half_of, HALVES, options
 
 from vtrack_ros.appearance.camera_motion import CameraMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
@@ -103,12 +103,9 @@ def follow(tracker: str, kind: str, seed: int, sequence: FolderSequence) -> dict
 
 def main() -> None:
     """Measure and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--sequences', type=Path, default=FOLDER)
+    parser = options(__doc__)
     parser.add_argument('--tracker', default='gmpf')
-    parser.add_argument('--frames', type=int, default=150)
     parser.add_argument('--seeds', type=int, default=2)
-    parser.add_argument('--jobs', type=int, default=2)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results' / 'ingredients.md')
     arguments = parser.parse_args()
     found, _ = folder_sequences(arguments.sequences, arguments.frames)
@@ -119,8 +116,7 @@ def main() -> None:
     scores: dict[tuple[str, str], dict[str, list[dict[str, float]]]] = defaultdict(
         lambda: defaultdict(list))
     for (kind, _, one), score in zip(tasks, every):
-        half = 'tuned' if is_tuned(one.name) else 'others'
-        scores[half, kind][one.name].append(score)
+        scores[half_of(one.name), kind][one.name].append(score)
     parts = [
         '# What each ingredient is worth\n\n'
         f'Made by `python benchmarks/ingredients.py`: `{arguments.tracker}`, the first '
@@ -129,9 +125,8 @@ def main() -> None:
         '(-) or gained (+) without one ingredient, with the 95 % interval of a paired bootstrap '
         'over the targets. Rounding alone changes a mean by up to .005, for a target that is lost '
         'in one run is kept in another.\n\n'
-        + ', '.join(f'{key} {value}' for key, value in environment().items()) + '.\n']
-    titles = {'tuned': 'Videos on which constants were tuned', 'others': 'Other videos'}
-    for half, title in titles.items():
+        + facts_text(environment()) + '.\n']
+    for half, title in HALVES.items():
         rows = [['without', *(f'{kind} {severity:g}' if kind != 'plain' else kind
                               for kind, severity in KINDS.items())]]
         for ingredient in WITHOUT:
@@ -141,9 +136,10 @@ def main() -> None:
                 whole = np.array([np.mean([one[ALL] for one in each]) for each in runs])
                 left = np.array([np.mean([one[ingredient] for one in each]) for each in runs])
                 row.append(f'{whole.mean():.3f}' if ingredient == ALL else
-                           '{:+.3f} [{:+.3f}, {:+.3f}]'.format(*interval(left - whole)))
+                           interval_text(interval(left - whole)))
             rows.append(row)
-        parts.append(f'## {title} ({len(scores[half, "plain"])} targets)\n\n{markdown(rows)}\n')
+        targets = len(scores[half, 'plain'])
+        parts.append(f'## {title.capitalize()} ({targets} targets)\n\n{markdown(rows)}\n')
     text = '\n'.join(parts)
     arguments.out.write_text(text, encoding='utf-8')
     print(text)

@@ -15,7 +15,7 @@ from pathlib import Path
 import sys
 
 import numpy as np
-from result_files import write_json
+from result_files import facts_text, interval_text, write_json
 from sequences import difference, interval
 from shared_sequences import FOLDER as SEQUENCES, folder_sequences, is_tuned
 
@@ -85,7 +85,7 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
                    if is_tuned(name) is tuned] for tuned in (True, False))
         rows.append([label, *(number_text(scores[key], key) for key in COLUMNS),
                      *(f'{np.mean(half):.3f}' for half in halves),
-                     '-' if label == ALONE else _gap(difference(plain, label, ALONE))])
+                     '-' if label == ALONE else interval_text(difference(plain, label, ALONE))])
     under = [['', DCF, SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
     every = []
     for kind, results in stressed.items():
@@ -93,30 +93,25 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
         every.append(gaps)
         under.append([f'{kind} {_severity(kind):g} ({STRESS_KINDS[kind].unit})', *(
             f'{results.summary[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE)),
-            _gap(interval(np.array(gaps)))])
+            interval_text(interval(np.array(gaps)))])
     under.append(['**mean**', *(
         f'{np.mean([results.summary[label]["auc"] for results in stressed.values()]):.3f}'
-        for label in (DCF, SIAMESE, ALONE)), _gap(interval(np.mean(every, axis=0)))])
+        for label in (DCF, SIAMESE, ALONE)), interval_text(interval(np.mean(every, axis=0)))])
     by_target = [['target', DCF, SIAMESE, ALONE]]
     by_target += [[name, *(f'{row[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE))]
                   for name, row in plain.by_sequence.items()]
-    facts = ', '.join(f'{key} {value}' for key, value in environment().items())
     return (
         '# Localisers: a network under a filter, and alone\n\n'
         f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py` with the public weights of '
         f'NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} targets, the '
         f'first {arguments.frames} frames of each, seeds: {arguments.seeds}, one thread. What the '
         'figures mean is in [evaluate.md](../evaluate.md); intervals are a bootstrap over the '
-        f'targets.\n\n{facts}.\n\n## As they are\n\n{markdown(rows)}\n\n'
+        f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
         f'{ALONE} has a score, its confidence here, and no covariance; it never says that it lost '
         'the target. Times are processor time, and depend on what else the machine did.\n\n'
         f'## Under stress\n\nAUC over the first {arguments.stressed} frames, one seed, each kind '
         f'at its middle severity.\n\n{markdown(under)}\n\n'
         f'## AUC by target, as they are\n\n{markdown(by_target)}\n')
-
-
-def _gap(values: tuple[float, float, float]) -> str:
-    return '{:+.3f} [{:+.3f}, {:+.3f}]'.format(*values)
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:

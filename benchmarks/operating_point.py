@@ -10,7 +10,6 @@ overlap is above 0.5. Shares are means over targets.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
 from numpy.typing import NDArray
-from shared_sequences import FOLDER, folder_sequences, is_tuned
+from shared_sequences import folder_sequences, half_of, HALVES, options
 
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.calibration import auroc
@@ -33,7 +32,6 @@ from vtrack_ros.trackers import create_tracker
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0, 'twin': 0.4}
 THRESHOLDS = np.linspace(0.01, 0.99, 99)
-HALVES = {'tuned': 'videos on which constants were tuned', 'others': 'other videos'}
 
 
 @dataclass(frozen=True)
@@ -64,8 +62,7 @@ def follow(tracker: str, kind: str, seed: int, sequence: FolderSequence) -> Reco
                           stressed.first_box, stressed.steps)
     overlap = overlaps(run.boxes, stressed.truth)
     present = np.isfinite(stressed.truth[:, 0])
-    half = 'tuned' if is_tuned(sequence.name) else 'others'
-    return Record(half, kind, run.confidences[1:], on_target(overlap)[1:],
+    return Record(half_of(sequence.name), kind, run.confidences[1:], on_target(overlap)[1:],
                   off_target(overlap)[1:], (present[:-1] & ~present[1:]))
 
 
@@ -110,12 +107,9 @@ def draw(records: dict[str, list[Record]], path: Path) -> None:
 
 def main() -> None:
     """Measure and write page and picture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--sequences', type=Path, default=FOLDER)
+    parser = options(__doc__)
     parser.add_argument('--trackers', default='gmpf,dcf')
-    parser.add_argument('--frames', type=int, default=150)
     parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--jobs', type=int, default=2)
     arguments = parser.parse_args()
     found, _ = folder_sequences(arguments.sequences, arguments.frames)
     records = {tracker: list(Parallel(arguments.jobs)(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 import json
 import math
 from pathlib import Path
@@ -14,6 +15,17 @@ LONGEST = 500
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write figures in four digits; what fits in `LONGEST` characters takes one line."""
     path.write_text(_text(_rounded(content), '') + '\n', encoding='utf-8')
+
+
+def facts_text(facts: Mapping[str, Any]) -> str:
+    """Return on one line what figures depend on besides: `environment`."""
+    return ', '.join(f'{key} {value}' for key, value in facts.items())
+
+
+def interval_text(values: tuple[float, float, float]) -> str:
+    """Return a mean difference with the ends of its interval."""
+    mean, low, high = values
+    return f'{mean:+.3f} [{low:+.3f}, {high:+.3f}]'
 
 
 def _rounded(value: Any) -> Any:

@@ -14,7 +14,7 @@ import sys
 
 import numpy as np
 from numpy.typing import NDArray
-from result_files import write_json
+from result_files import facts_text, interval_text, write_json
 from shared_sequences import FOLDER
 
 from vtrack_ros.cli.progress import ProgressBar
@@ -109,7 +109,6 @@ def _shown(results: Results) -> dict[str, object]:
 
 
 def _page(results: Results) -> str:
-    facts = as_json(results)['environment']
     ranked = sorted(results.summary, key=lambda label: -results.summary[label]['auc'])
     seeds = len(results.seeds)
     head = (
@@ -118,7 +117,7 @@ def _page(results: Results) -> str:
         'one set of defaults for all, one pass from the first true box, one thread. Made by '
         '`scripts/peers --python benchmarks/sequences.py`; what the figures mean is in '
         '[evaluate.md](../evaluate.md).\n\n'
-        + ', '.join(f'{key} {value}' for key, value in facts.items())
+        + facts_text(as_json(results)['environment'])
         + f'. Times {results.timings}: processor time of an update, median.\n')
     rows = [['tracker', *(TITLES[key] for key in COLUMNS), 'AUC minus CSRT [95 %]']]
     for label in ranked:
@@ -141,8 +140,7 @@ def _page(results: Results) -> str:
 def _gap(results: Results, label: str) -> str:
     if label == 'opencv_csrt' or 'opencv_csrt' not in results.summary:
         return '-'
-    gap, low, high = difference(results, label, 'opencv_csrt')
-    return f'{gap:+.3f} [{low:+.3f}, {high:+.3f}]'
+    return interval_text(difference(results, label, 'opencv_csrt'))
 
 
 def _checks(results: Results) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +14,26 @@ FOLDER = Path(__file__).resolve().parents[2] / 'shared' / 'sequences'
 TUNED = frozenset((
     'Bird2', 'Couple', 'Crossing', 'David', 'Dog1', 'DragonBaby', 'FaceOcc1', 'Football1',
     'Freeman1', 'Human7', 'Jogging1', 'Man', 'MotorRolling', 'Toy', 'VOT_ball1'))
+HALVES = {'tuned': 'videos on which constants were tuned', 'others': 'other videos'}
 
 
 def is_tuned(name: str) -> bool:
     """Whether constants were tuned on a target, whose name is the video's, a dot and a number."""
     return name.split('.')[0] in TUNED
+
+
+def half_of(name: str) -> str:
+    """Return which of `HALVES` a target is of."""
+    return 'tuned' if is_tuned(name) else 'others'
+
+
+def options(description: str | None) -> argparse.ArgumentParser:
+    """Return the options of who follows the sequences' targets for a while."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
+    parser.add_argument('--frames', type=int, default=150)
+    parser.add_argument('--jobs', type=int, default=2)
+    return parser
 
 
 def folder_sequences(

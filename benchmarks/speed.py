@@ -21,7 +21,7 @@ import cv2
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
-from result_files import write_json
+from result_files import facts_text, write_json
 
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecification
@@ -257,7 +257,6 @@ def _abscissa(key: str) -> float:
 
 
 def _page(content: dict[str, Any]) -> str:
-    facts = ', '.join(f'{key} {value}' for key, value in content['environment'].items())
     vga = content['image'][f'{VGA[0]}x{VGA[1]}']
     csrt, kcf = (vga[peer]['cpu_ms'] for peer in BESIDE)
     ratios = [['tracker', 'cpu ms', 'ms', 'ms p99', 'fps', 'times CSRT', 'times KCF', 'mean IoU',
@@ -276,7 +275,9 @@ def _page(content: dict[str, Any]) -> str:
         f'Processor time of an update, median over {content["frames"] - 1} frames, mean and '
         f'standard deviation over seeds {", ".join(map(str, content["seeds"]))}; one thread, all '
         'trackers in one process, in turns on the same frames. Made by '
-        '`scripts/peers --python benchmarks/speed.py`. ' + facts + '.', '',
+        '`scripts/peers --python benchmarks/speed.py`. '
+        f'{facts_text(content["environment"])}.',
+        '',
         f'## 640x480, target {TARGET} px', '',
         '"times CSRT" and "times KCF": how many times their frame rate. The last two columns are '
         'growth: the time at the larger size by that at the smaller.', '',

@@ -14,7 +14,7 @@ from pathlib import Path
 import sys
 
 import numpy as np
-from result_files import write_json
+from result_files import facts_text, interval_text, write_json
 from sequences import interval
 from shared_sequences import FOLDER, folder_sequences, is_tuned
 
@@ -134,7 +134,6 @@ def _shown(stress: StressResults) -> dict[str, object]:
 
 
 def _page(results: dict[str, StressResults], arguments: argparse.Namespace) -> str:
-    facts = environment()
     parts = [
         '# Under stress: every tracker beside dcf\n\n'
         f'Made by `python benchmarks/stress.py`, seeds: {arguments.seeds}'
@@ -142,7 +141,7 @@ def _page(results: dict[str, StressResults], arguments: argparse.Namespace) -> s
         + '. What the kinds are stands in [evaluate.md](../evaluate.md#under-stress). Each cell '
         'is the mean AUC over targets and severities, for dcf itself, and for the others how much '
         'it is above that of dcf, with the 95 % interval of a paired bootstrap over targets.\n\n'
-        + ', '.join(f'{key} {value}' for key, value in facts.items()) + '.\n']
+        + facts_text(environment()) + '.\n']
     titles = {'tuned': 'The targets on which constants were tuned', 'others': 'The other targets'}
     for half, stress in results.items():
         parts.append(f'## {titles[half]} ({len(stress.plain.sequences)})\n\n'
@@ -163,8 +162,7 @@ def _rows(stress: StressResults) -> list[list[str]]:
         cells = []
         for tracker in others:
             values = np.array(list(gaps(stress, tracker, kinds).values()))
-            cells.append('{:+.3f} [{:+.3f}, {:+.3f}]'.format(*interval(values))
-                         if len(values) else '-')
+            cells.append(interval_text(interval(values)) if len(values) else '-')
         rows.append([name, number_text(float(level), 'auc'), *cells])
     return rows
 

@@ -35,23 +35,28 @@ CAMERA, TRACKER = 'vtrack_camera', 'vtrack_tracker'
 
 
 @dataclass(frozen=True)
-class Slow:
-    """A cable that takes time, in seconds, and loses a share of the packets."""
+class Cable:
+    """
+    How a cable is bad: by commands within a namespace, whose device is DEVICE.
 
-    delay: float
-    loss: float
+    One with a `delay`, in seconds, loses a share of the packets by itself.
+    """
+
+    commands: tuple[str, ...] = ()
+    delay: float = 0.0
+    loss: float = 0.0
 
 
-#: How a cable is made bad: commands within a namespace, whose device is DEVICE, or otherwise.
-CABLES: dict[str, list[str] | Slow] = {
-    'good': [],
-    '100 Mbit/s': ['tc qdisc add dev DEVICE root tbf rate 100mbit burst 64kb latency 50ms'],
-    '1 % of the packets lost': [
+CABLES = {
+    'good': Cable(),
+    '100 Mbit/s': Cable((
+        'tc qdisc add dev DEVICE root tbf rate 100mbit burst 64kb latency 50ms',)),
+    '1 % of the packets lost': Cable((
         'nft add table netdev loss',
         'nft add chain netdev loss in { type filter hook ingress device DEVICE priority 0 ; }',
-        'nft add rule netdev loss in numgen random mod 100 < 1 drop'],
-    '20 ms each way': Slow(0.02, 0.0),
-    '20 ms, 0.1 % of the packets lost': Slow(0.02, 0.001)}
+        'nft add rule netdev loss in numgen random mod 100 < 1 drop')),
+    '20 ms each way': Cable(delay=0.02),
+    '20 ms, 0.1 % of the packets lost': Cable(delay=0.02, loss=0.001)}
 STREAMS = (('raw', 'best_effort'), ('raw', 'reliable'), ('compressed', 'best_effort'),
            ('compressed', 'reliable'))
 
@@ -62,16 +67,16 @@ def run(command: str) -> str:
 
 
 @contextmanager
-def cable(kind: list[str] | Slow) -> Iterator[None]:
+def joined(cable: Cable) -> Iterator[None]:
     """Join two namespaces, until the block ends."""
     carrier = None
     try:
         for name in (CAMERA, TRACKER):
             run(f'ip netns add {name}')
-        if isinstance(kind, Slow):
+        if cable.delay:
             carrier = subprocess.Popen(
                 [sys.executable, str(Path(__file__).with_name('slow_cable.py')), CAMERA, 'camera',
-                 TRACKER, 'tracker', '--delay', str(kind.delay), '--loss', str(kind.loss)],
+                 TRACKER, 'tracker', '--delay', str(cable.delay), '--loss', str(cable.loss)],
                 stdout=subprocess.PIPE)
             assert carrier.stdout is not None
             carrier.stdout.readline()
@@ -81,7 +86,7 @@ def cable(kind: list[str] | Slow) -> Iterator[None]:
             run(f'ip -n {name} addr add 10.77.0.{address}/24 dev {device}')
             for one in ('lo', device):
                 run(f'ip -n {name} link set {one} up')
-            for command in kind if isinstance(kind, list) else ():
+            for command in cable.commands:
                 run(f'ip netns exec {name} ' + command.replace('DEVICE', device))
         yield
     finally:
@@ -98,14 +103,13 @@ def received_bytes() -> int:
         'bytes'])
 
 
-def measure(kind: list[str] | Slow, transport: str, reliability: str, seconds: float,
-            ) -> dict[str, Any]:
+def measure(cable: Cable, transport: str, reliability: str, seconds: float) -> dict[str, Any]:
     """Measure one stream over one cable."""
     environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
                    # Both namespaces see the same /dev/shm.
                    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     _, box = scene(640, 480)
-    with cable(kind):
+    with joined(cable):
         node = subprocess.Popen(
             ['ip', 'netns', 'exec', TRACKER, sys.executable, *tracker_arguments(
                 'ours', 'gmpf', box, '-p', f'image_transport:={transport}')],
@@ -173,10 +177,10 @@ def main() -> int:
         send(*arguments.camera, arguments.seconds)
         return 0
     results: dict[str, Any] = {'seconds': arguments.seconds, 'cables': {}}
-    for name, commands in CABLES.items():
+    for name, cable in CABLES.items():
         results['cables'][name] = {}
         for transport, reliability in STREAMS:
-            row = measure(commands, transport, reliability, arguments.seconds)
+            row = measure(cable, transport, reliability, arguments.seconds)
             print(name, transport, reliability, row, flush=True)
             results['cables'][name][f'{transport}, {reliability}'] = row
     write_json(arguments.out / 'two_machines.json', results)

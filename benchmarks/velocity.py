@@ -7,7 +7,6 @@ writes docs/results/velocity.md.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 from joblib import delayed, Parallel
 import numpy as np
 from numpy.typing import NDArray
-from shared_sequences import FOLDER, folder_sequences, is_tuned
+from shared_sequences import folder_sequences, half_of, HALVES, options
 
 from vtrack_ros.evaluation.calibration import inside_ellipse
 from vtrack_ros.evaluation.metrics import on_target, overlaps
@@ -32,8 +31,7 @@ RATE = 30
 #: The true velocity is the slope of a straight line through so many frames on either side.
 WINDOW = 2
 AHEAD = (1, 2, 3)
-HALVES = {'tuned': 'videos on which constants were tuned', 'others': 'other videos',
-          'scenes': 'rendered scenes'}
+FILMS = {**HALVES, 'scenes': 'rendered scenes'}
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,7 @@ def velocity_rows(records: list[Record]) -> list[list[str]]:
     """Return a row for each half of the videos."""
     rows = [['', 'targets', 'frames', 'filter', 'two boxes', 'zero', 'nearer than two boxes',
              'in the 90 % ellipse']]
-    for half, title in HALVES.items():
+    for half, title in FILMS.items():
         runs = [one for one in records if one.half == half]
         nearer = sum(one.velocity['filter'] < one.velocity['two boxes'] for one in runs)
         rows.append([title, str(len(runs)), str(sum(one.frames for one in runs)), *(
@@ -158,7 +156,7 @@ def velocity_rows(records: list[Record]) -> list[list[str]]:
 def growth_rows(records: list[Record]) -> list[list[str]]:
     """Return a row for each half of the videos."""
     rows = [['', 'filter', 'two boxes', 'zero', 'in the 90 % interval']]
-    for half, title in HALVES.items():
+    for half, title in FILMS.items():
         runs = [one for one in records if one.half == half]
         rows.append([title, *(root([one.growth[name] for one in runs])
                               for name in ('filter', 'two boxes', 'zero')),
@@ -169,7 +167,7 @@ def growth_rows(records: list[Record]) -> list[list[str]]:
 def forecast_rows(records: list[Record]) -> list[list[str]]:
     """Return a row for each half of the videos and number of frames."""
     rows = [['', 'frames ahead', 'forecast', 'hold', 'nearer than hold', 'in the 90 % ellipse']]
-    for half, title in HALVES.items():
+    for half, title in FILMS.items():
         runs = [one for one in records if one.half == half]
         for step in AHEAD:
             nearer = sum(one.forecast[step] < one.hold[step] for one in runs)
@@ -182,17 +180,13 @@ def forecast_rows(records: list[Record]) -> list[list[str]]:
 
 def main() -> None:
     """Measure and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--sequences', type=Path, default=FOLDER)
+    parser = options(__doc__)
     parser.add_argument('--tracker', default='gmpf')
-    parser.add_argument('--frames', type=int, default=150)
     parser.add_argument('--seed', type=int, default=0)
-    parser.add_argument('--jobs', type=int, default=2)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results' / 'velocity.md')
     arguments = parser.parse_args()
     found, _ = folder_sequences(arguments.sequences, arguments.frames)
-    targets: list[tuple[str, Sequence]] = [
-        ('tuned' if is_tuned(one.name) else 'others', one) for one in found]
+    targets: list[tuple[str, Sequence]] = [(half_of(one.name), one) for one in found]
     targets += [('scenes', scene_sequence(name)) for name in scene_names()]
     results = Parallel(arguments.jobs)(
         delayed(follow)(arguments.tracker, arguments.seed, half, one, arguments.frames)

@@ -158,6 +158,8 @@ class Client:
         self.name = node_name
         self.namespace = node_name.rsplit('/', 1)[0]
         self.heard: dict[str, list] = {}
+        self.start = 10**12
+        """The first stamp of the stream that is being sent, in ns, for who counts from it."""
         self.images = None
         if publish is not None:
             qos = QoSProfile(depth=10, reliability=getattr(ReliabilityPolicy, reliability))
@@ -174,6 +176,12 @@ class Client:
             return topic
         return topic.replace('~', self.name, 1) if topic.startswith('~') else (
             f'{self.namespace}/{topic}')
+
+    def begin_stream(self, *forgotten: str) -> None:
+        """Begin a new stream, its stamps before the last one's; forget what was heard."""
+        self.start -= 10**10
+        for topic in forgotten:
+            del self.heard[topic][:]
 
     def hear(self, topic: str, kind: type, qos: QoSProfile | None = None) -> list:
         """Subscribe to an output; returns the list that the messages go into."""

@@ -13,6 +13,7 @@ BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
 #: The scene's square goes to the right by two pixels a frame.
 SPEED = 2e9 / STEP
 FRAMES = 13
+PLACE = ('pose', 'pose_with_covariance', 'twist')
 
 
 @pytest.fixture(scope='module')
@@ -30,23 +31,20 @@ def client(process):
         client.hear('pose_with_covariance', PoseWithCovarianceStamped)
         client.hear('twist', TwistWithCovarianceStamped)
         client.ready()
-        client.start = 10**12
         yield client
 
 
 @pytest.fixture(autouse=True)
 def _fresh(client):
     """Begin a new stream: its stamps are before the last one's."""
-    client.start -= 10**10
-    for topic in ('pose', 'pose_with_covariance', 'twist'):
-        del client.heard[topic][:]
+    client.begin_stream(*PLACE)
 
 
 def play(client, visible=lambda index: True):
     """Send the scene; return detections, poses and twists when all have come."""
     answers = [client.send(SCENE.frame(i, visible(i)), client.start + STEP * i)
                for i in range(FRAMES)]
-    heard = [client.heard[topic] for topic in ('pose', 'pose_with_covariance', 'twist')]
+    heard = [client.heard[topic] for topic in PLACE]
     count = sum(bool(answer.detections) for answer in answers)
     client.until(lambda: all(len(one) == count for one in heard), 'no pose, or no twist')
     return [answer for answer in answers if answer.detections], *heard
@@ -88,7 +86,7 @@ def test_pose_is_ahead_of_its_image(client, process):
                for answer, pose, twist in zip(answers, poses, twists))
     process.wait_for_log('after the node')
 
-    client.start -= 10**10
+    client.begin_stream()
     now = client.start + FRAMES * STEP + 120_000_000
     clock = client.publisher('/clock', Clock)
     message = Clock()
@@ -98,7 +96,7 @@ def test_pose_is_ahead_of_its_image(client, process):
         clock.publish(message)
         return any(stamp(one) == now for one in client.heard['/diagnostics'])
     client.until(told, 'no time')
-    for topic in ('pose', 'pose_with_covariance', 'twist'):
+    for topic in PLACE:
         del client.heard[topic][:]
     answers, poses, exact, twists = play(client)
     assert [stamp(answer) for answer in answers] == [
@@ -118,9 +116,8 @@ def test_pose_is_ahead_of_its_image(client, process):
     own = answers[-1].detections[0].results[0].pose.covariance
     assert exact[-1].pose.covariance[0] > own[0] and exact[-1].pose.covariance[7] > own[7]
 
-    client.start -= 10**10
+    client.begin_stream(*PLACE)
     assert client.change(predict_to_now=False)[0].successful
-    del poses[:], exact[:], twists[:]
     answers, poses, *_ = play(client)
     for answer, pose in zip(answers, poses):
         center = answer.detections[0].bbox.center.position
@@ -137,16 +134,15 @@ def test_metres_per_second(client):
 
     def in_metres():
         publisher.publish(message)
-        client.start -= 10**10
+        client.begin_stream()
         answer = client.send(SCENE.frame(0), client.start)
-        client.until(lambda: all(one and one[-1].header == answer.header for one in (
-            client.heard['pose'], client.heard['pose_with_covariance'], client.heard['twist'])),
+        client.until(lambda: all(
+            client.heard[topic] and client.heard[topic][-1].header == answer.header
+            for topic in PLACE),
             'no pose, or no twist')
         return client.state_after(answer)['pose_units'] == 'metres'
     client.until(in_metres, 'no metres')
-    client.start -= 10**10
-    for topic in ('pose', 'pose_with_covariance', 'twist'):
-        del client.heard[topic][:]
+    client.begin_stream(*PLACE)
     _, poses, _, twists = play(client)
     depth = poses[-1].pose.position.z
     assert depth == pytest.approx(2.0, rel=0.15)

@@ -58,7 +58,7 @@ class Place:
         self._publishers.publish_pose(header, position, estimate.angle)
 
         def velocity() -> Velocity | None:
-            moving = self._node.session.motion(age)
+            moving = motion or self._node.session.motion()
             return None if moving is None else locate_velocity(
                 located, moving.box, moving.velocity, moving.covariance)
         self._publishers.publish_twist(header, velocity)
