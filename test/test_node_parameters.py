@@ -255,6 +255,19 @@ def test_arguments(arguments, code, told):
     assert told in process.log and 'Traceback' not in process.log
 
 
+def test_middleware_that_refuses(tmp_path):
+    """A node that isn't let in, for it has no keys or the middleware no locks, says so."""
+    (tmp_path / 'enclaves').mkdir()
+    secured = {'ROS_SECURITY_KEYSTORE': str(tmp_path), 'ROS_SECURITY_ENABLE': 'true',
+               'ROS_SECURITY_STRATEGY': 'Enforce'}
+    process = NodeProcess(prelude=f'import os; os.environ.update({secured})')
+    assert process.process.wait(20) == 2
+    process.stop()
+    last = process.log.splitlines()[-1]
+    assert last.startswith('tracker: error creating node: ') and 'ecurity' in last
+    assert 'Traceback' not in process.log
+
+
 @pytest.mark.parametrize('missing', ['rclpy', 'sensor_msgs'])
 def test_without_ros(missing):
     """One line says what is missing, and how to come by it."""

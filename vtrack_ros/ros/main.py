@@ -69,6 +69,7 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
     from rclpy.clock import Clock, ClockType
     from rclpy.exceptions import ParameterException
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
     import rclpy.utilities
 
     words = list(sys.argv if arguments is None else arguments)
@@ -93,8 +94,8 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
             return 0 if wanted else 2
         try:
             node = getattr(import_module(f'vtrack_ros.ros.{module}'), kind)()
-        except (ParameterException, TypeError, ValueError) as error:
-            print(f'tracker: {error}', file=sys.stderr)
+        except (ParameterException, rcl.RCLError, TypeError, ValueError) as error:
+            print('tracker:', *str(error).split(), file=sys.stderr)
             return 2
         # What is there now stays: a collector that looks through it all again stops the node for
         # several frames of a fast camera.
