@@ -32,6 +32,8 @@ from vtrack_ros.scenes import render
 
 ROOT = Path(__file__).resolve().parents[1]
 _NODE = 'from vtrack_ros.ros import main as m; import sys; sys.exit(m.{}())'
+#: What a page has for the folder of the installed package's files.
+SHARE = '$(ros2 pkg prefix --share vtrack_ros)'
 #: How an executable of the package is started.
 EXECUTABLES = {'tracker': ['-c', _NODE.format('main')],
                'tracker_lifecycle': ['-c', _NODE.format('lifecycle_main')],
@@ -44,17 +46,17 @@ OTHERS = {
     'pip': 'needs the network; test/test_package.py installs with it',
     'dask': 'needs a cluster; test/test_evaluation_running.py has one',
     'eval': 'test/test_cli_commands.py completes'}
-#: What `ros2` does with a running node, where it's installed.
-VERBS = ('topic', 'param')
+#: What `ros2` does here, where it's installed and the package is in a workspace that's sourced.
+VERBS = ('launch', 'param', 'pkg', 'security', 'topic')
 #: What else isn't run, by what stands in it.
 LEFT = {
+    '--enclave': 'needs a Fast DDS with security; test/test_security.py has the policy',
     'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
     'ros2 launch': 'needs ROS 2 installed; test/test_node_files.py has the launch files',
     'ros2 pkg': 'needs ROS 2 installed', 'ros2 bag': 'needs ROS 2 installed',
     'ros2 run usb_cam': "needs ROS 2 installed; another package's",
     'ros2 topic': 'needs ROS 2 installed; type and content are checked, test_node_*.py send such',
     'ros2 param': 'needs ROS 2 installed; name and value are checked; test_node_parameters.py',
-    '--enclave': 'needs keys, which ros2 makes; test/test_security.py has the policy',
     'tcp://HOST:8786': 'needs a cluster; test/test_evaluation_running.py has one',
     'camera/left': 'needs a bag with that topic: test/test_bags_play.py',
     'yolo_detections.py': 'needs yolo_msgs; test/test_documentation.py converts',
@@ -72,7 +74,7 @@ EXAMPLES_LEFT = {'README.md': 'test/test_documentation.py',
 PAGES = [page for page in (*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md'))
          if page.name != 'notebook.md']
 #: What runs until Ctrl-C.
-_ENDLESS = {'--loop', 'select', 'tracker', 'tracker_lifecycle', '--camera', 'echo'}
+_ENDLESS = {'--loop', 'select', 'tracker', 'tracker_lifecycle', '--camera', 'echo', 'launch'}
 #: Frames of a stand-in, and how long a command that doesn't end may run, in seconds.
 FRAMES, PATIENCE = 12, 8.0
 
@@ -103,6 +105,7 @@ def commands(page: Path) -> Iterator[list[str]]:
     """Return the words of a page's commands; what isn't one has no known program."""
     programs = '|'.join((*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3'))
     for line in lines(page):
+        line = line.replace(SHARE, str(ROOT))
         if re.match(rf'([A-Z_]+=\S+ )*(({programs}) (?!=)|(\./)?scripts/|\.venv/bin/)', line):
             words = shlex.split(line.partition(' > ')[0], comments=True)
             while '=' in words[0]:
@@ -140,6 +143,7 @@ def arguments(words: list[str]) -> list[str] | str:
 def write_stand_ins(folder: Path) -> None:
     """Write what the pages' commands read."""
     (folder / 'bags').symlink_to(ROOT / 'bags')
+    (folder / 'targets.yaml').symlink_to(ROOT / 'config' / 'targets.yaml')
     (folder / 'src').mkdir()
     (folder / 'src' / 'vtrack_ros').symlink_to(ROOT)
     shutil.copytree(ROOT / 'docs' / 'examples', folder / 'docs' / 'examples')
@@ -175,10 +179,11 @@ def run(words: list[str], folder: Path) -> int | str:
     if 'synth' in words and '--frames' not in words and '--list' not in words:
         call = [*call, '--frames', str(FRAMES)]
     tool, endless = call[0].startswith('/'), _ENDLESS & {Path(word).name for word in words}
+    where = ROOT if tool or words[0].startswith(('python', '.venv')) else folder
     path = os.pathsep.join((str(folder / 'site'), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
         call if tool else [sys.executable, *call], stdout=subprocess.PIPE,
-        cwd=ROOT if tool or words[0].startswith(('python', '.venv')) else folder,
+        cwd=folder if words[0] == 'ros2' else where,
         stderr=subprocess.STDOUT, text=True,
         env={**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONPATH': path})
     try:

@@ -53,7 +53,7 @@ def nodes(context):
     parameters = {name: given[name] for name in ('tracker', 'image_transport', 'state_file')
                   if given[name]}
     if given['use_sim_time']:
-        parameters['use_sim_time'] = yes(given['use_sim_time'])
+        parameters['use_sim_time'] = switch(given, 'use_sim_time')
     if given['params_file'] and not os.path.isfile(given['params_file']):
         raise FileNotFoundError(f"params_file {given['params_file']} does not exist")
     box = target(given['init_box'])
@@ -63,16 +63,16 @@ def nodes(context):
     sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     return [Node(
         package='vtrack_ros',
-        executable='tracker_lifecycle' if yes(given['managed']) else 'tracker',
+        executable='tracker_lifecycle' if switch(given, 'managed') else 'tracker',
         namespace=given['namespace'],
         name=given['name'],
         parameters=[*filter(None, [given['params_file'], parameters])],
         remappings=[(name, given[argument]) for name, argument in sources.items()
                     if given[argument]],
         arguments=['--ros-args', '--log-level', given['log_level']],
-        respawn=yes(given['respawn']),
+        respawn=switch(given, 'respawn'),
         respawn_delay=1.0,
-        additional_env=profile() if yes(given['fastdds_profile']) else {},
+        additional_env=profile() if switch(given, 'fastdds_profile') else {},
         output='screen')]
 
 
@@ -91,9 +91,9 @@ def profile():
     return {'FASTRTPS_DEFAULT_PROFILES_FILE': path, 'FASTDDS_DEFAULT_PROFILES_FILE': path}
 
 
-def yes(text):
+def switch(given, name):
     """Return the bool that an argument spells."""
-    value = yaml.safe_load(text)
+    value = yaml.safe_load(given[name])
     if not isinstance(value, bool):
-        raise ValueError(f'an argument must be true or false, not {text!r}')
+        raise ValueError(f'{name} must be true or false, not {given[name]!r}')
     return value
