@@ -149,7 +149,7 @@ def broken(kind: str, folder: Path, files: dict[str, str]) -> str:
 
 
 @pytest.mark.parametrize('kind, words', [
-    ('missing', 'is no file'), ('truncated', "can't read"),
+    ('missing', 'is no file'), ('missing' * 50, 'is no file'), ('truncated', "can't read"),
     ('other', r'expected \(1, 48, 8, 8\) of \(1, 3, 127, 127\), not \(1, 96, 8, 8\)'),
     ('head', r'expected \(1, 48, 8, 8\) of \(1, 3, 127, 127\)')])
 def test_a_wrong_file_is_refused(kind, words, tmp_path, files, siamese):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
+import os
 
 import cv2
 import numpy as np
@@ -159,7 +159,8 @@ def read_head(path: str) -> cv2.dnn.Net:
 
 
 def _read(path: str) -> cv2.dnn.Net:
-    if not Path(path).is_file():
+    # Path.is_file raises an error of the system at a name that is too long.
+    if not os.path.isfile(path):
         raise ValueError(f'{path!r} is no file')
     try:
         return cv2.dnn.readNetFromONNX(path)
