@@ -4,6 +4,7 @@ from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
 
+from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import GuidedSearch, Hypotheses
 from vtrack_ros.localisation.guided_search import maxima
@@ -52,6 +53,23 @@ def test_a_target_that_the_camera_follows_is_kept(name, kept):
     tracker.start(images[0], box)
     overlap = [tracker.update(image).box.iou(box) for image in images[1:]][-1]
     assert (overlap > 0.5) is kept
+
+
+def test_no_frame_measures_two_sizes(monkeypatch):
+    """Once a target is known, what takes long is done in turns."""
+    measured = []
+    updated = ScaleRegression.updated
+    monkeypatch.setattr(ScaleRegression, 'updated', lambda *values: (
+        measured.append(1), updated(*values))[1])
+    target, search = started(VIDEO.frame(START))
+    counts = []
+    for index in range(72):
+        measured.clear()
+        frame = VIDEO.frame((START[0] + index, START[1]))
+        found = search.search(frame, 1.0)
+        search.follow(1.0, target.update(frame, found.response, found.place, 1.0))
+        counts.append(len(measured))
+    assert max(counts[30:]) == 1 and sum(counts[30:]) > 10
 
 
 def test_the_window_goes_ahead_of_a_steady_target():

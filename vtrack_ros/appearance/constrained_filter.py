@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.regression import (
-    box_support, CorrelationFilter, fourier_matrices, inverse_maps, Spectrum, transformed_maps)
+    CorrelationFilter, fourier_matrices, inverse_maps, inverse_matrices, side_support, Spectrum,
+    transform_matrices)
 from vtrack_ros.frame import Point
 
 #: Ridge of the filter [Lukezic2017, lambda], and the penalty of the first step, by what it grows.
@@ -31,11 +34,10 @@ class ConstrainedFilter(CorrelationFilter):
     al. 2017, eqs 6-10]: the numerator is the filter itself. Channels count by their own response
     to the example [eq. 11].
 
-    `support`, shape (rows, columns), is 1 within half the target's size of the corner (0, 0), as
-    the transform has it, and 0 elsewhere.
+    `support` are the matrices that confine a spectrum to the target's box.
     """
 
-    support: NDArray[np.float32]
+    support: tuple[Spectrum, NDArray[np.float32], Spectrum]
 
     @classmethod
     def within(cls, width: float, height: float, empty: CorrelationFilter) -> ConstrainedFilter:
@@ -43,7 +45,7 @@ class ConstrainedFilter(CorrelationFilter):
         rows, columns = empty.shape
         return cls(np.zeros((1, *empty.label.shape), np.complex64),
                    np.ones(empty.label.shape, np.float32), empty.label, empty.shape, 0.0,
-                   box_support(rows, columns, width, height))
+                   support_matrices(rows, columns, width, height))
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> ConstrainedFilter:
@@ -62,14 +64,18 @@ class ConstrainedFilter(CorrelationFilter):
         wanted *= np.exp(shift[0] * over_columns)
         cross = wanted * spectrum
         energy = spectrum.real**2 + spectrum.imag**2
-        penalty, ridge = np.float32(_PENALTY), np.float32(_RIDGE / 2 / self.support.size)
-        confined = self._confined(cross / (energy + np.float32(_RIDGE)))
-        multiplier = np.zeros_like(confined)
+        penalty, ridge = np.float32(_PENALTY), np.float32(_RIDGE / 2 / math.prod(self.shape))
+        confined = self._confined(cross * (1 / (energy + np.float32(_RIDGE))))
+        multiplier = np.zeros_like(cross)
         for _ in range(_STEPS):
-            free = (cross + penalty * confined - multiplier) / (energy + penalty)
-            confined = self._confined(multiplier + penalty * free)
-            confined /= ridge + penalty
-            multiplier += penalty * (free - confined)
+            free = penalty * confined
+            free += cross
+            free -= multiplier
+            free *= penalty / (energy + penalty)
+            multiplier += free
+            confined = self._confined(multiplier)
+            confined *= 1 / (ridge + penalty)
+            multiplier -= penalty * confined
             penalty *= np.float32(_GROWTH)
         answers = inverse_maps(confined.conj() * spectrum).reshape(len(spectrum), -1).max(axis=1)
         reliability = np.maximum(answers, _LEAST)
@@ -78,6 +84,23 @@ class ConstrainedFilter(CorrelationFilter):
 
     def _confined(self, spectrum: Spectrum) -> Spectrum:
         """Return the spectrum of what is within the support."""
-        maps = inverse_maps(spectrum)
-        maps *= self.support
-        return transformed_maps(maps)
+        to_rows, within_columns, from_rows = self.support
+        within: Spectrum = from_rows @ ((to_rows @ spectrum).view(np.float32)
+                                        @ within_columns).view(np.complex64)
+        return within
+
+
+@lru_cache(maxsize=32)
+def support_matrices(rows: int, columns: int, width: float, height: float,
+                     ) -> tuple[Spectrum, NDArray[np.float32], Spectrum]:
+    """
+    Return what takes away from a spectrum all that is not in a box about (0, 0), cyclically.
+
+    Matrices for its left, to the box's rows alone; for the right of those, real and imaginary
+    parts interleaved; and for the left, back to the spectrum. Sizes are in cells.
+    """
+    down, across = side_support(rows, height), side_support(columns, width)
+    inside = down > 0
+    forward, back = transform_matrices(rows, columns), inverse_matrices(rows, columns)
+    return (back[0][inside], ((back[1] * across) @ forward[0]).astype(np.float32),
+            (forward[1][:, inside] * down[inside]).astype(np.complex64))

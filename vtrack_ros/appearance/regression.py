@@ -65,7 +65,7 @@ class CorrelationFilter:
     @staticmethod
     def transform(features: Features) -> Spectrum:
         """Return the spectrum of features of shape (channels, rows, columns), edges faded."""
-        return _transformed(features, *_transform(*features.shape[1:], tapered=True))
+        return _transformed(features, *transform_matrices(*features.shape[1:], tapered=True))
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> CorrelationFilter:
@@ -96,7 +96,7 @@ class CorrelationFilter:
         # a sum over products: einsum is three times as slow with complex numbers
         correlated = np.add.reduce(self._conjugate * spectrum, axis=-3)
         correlated /= self._divisor
-        over_rows, over_columns = _inverse_transform(*self.shape)
+        over_rows, over_columns = inverse_matrices(*self.shape)
         half: Spectrum = over_rows[rows] @ correlated
         return half.view(np.float32) @ over_columns[:, columns]
 
@@ -199,7 +199,8 @@ def fourier_matrices(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
 
 
 @lru_cache(maxsize=64)
-def _transform(rows: int, columns: int, tapered: bool) -> tuple[NDArray[np.float32], Spectrum]:
+def transform_matrices(rows: int, columns: int,
+                       tapered: bool = False) -> tuple[NDArray[np.float32], Spectrum]:
     """
     Return the Fourier transform of real maps: matrices for the right and for the left.
 
@@ -219,12 +220,12 @@ def _transformed(maps: NDArray[np.float32], over_columns: NDArray[np.float32],
 
 def transformed_maps(maps: NDArray[np.float32]) -> Spectrum:
     """Return the spectrum of maps of shape (channels, rows, columns), edges as they are."""
-    return _transformed(maps, *_transform(*maps.shape[1:], tapered=False))
+    return _transformed(maps, *transform_matrices(*maps.shape[1:]))
 
 
 def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
     """Return the maps, shape (channels, rows, columns), that have a spectrum."""
-    over_rows, over_columns = _inverse_transform(
+    over_rows, over_columns = inverse_matrices(
         spectrum.shape[1], 2 * (spectrum.shape[2] - 1))
     maps: NDArray[np.float32] = (over_rows @ spectrum).view(np.float32) @ over_columns
     return maps
@@ -233,10 +234,13 @@ def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
 @lru_cache(maxsize=32)
 def box_support(rows: int, columns: int, width: float, height: float) -> NDArray[np.float32]:
     """Return how much of each cell is within a box about (0, 0), cyclically; sizes in cells."""
-    down, across = (np.abs(np.fft.fftfreq(cells) * cells) for cells in (rows, columns))
-    support = np.clip(height / 2 + 0.5 - down, 0, 1)[:, None] * np.clip(
-        width / 2 + 0.5 - across, 0, 1)
-    return support.astype(np.float32)
+    return np.outer(side_support(rows, height), side_support(columns, width))
+
+
+def side_support(cells: int, length: float) -> NDArray[np.float32]:
+    """Return how much of each cell along a side is within a length about 0, cyclically."""
+    distance = np.abs(np.fft.fftfreq(cells) * cells)
+    return np.clip(length / 2 + 0.5 - distance, 0, 1).astype(np.float32)
 
 
 def taper(length: int) -> Array:
@@ -245,7 +249,7 @@ def taper(length: int) -> Array:
 
 
 @lru_cache(maxsize=32)
-def _inverse_transform(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.float32]]:
+def inverse_matrices(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.float32]]:
     """
     Return the inverse: matrices for a spectrum's left, and for the result's right.
 

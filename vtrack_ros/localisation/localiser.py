@@ -59,6 +59,8 @@ class Localiser:
         self._first_size = size
         self._rng, self._searches = rng, searches
         self._frames, self._growing = 0, False
+        self.resized = False
+        """Whether the size was measured in the last update."""
         self._similarity = 1.0
         self._presence = PresenceDetector()
         self._velocity = VelocityEstimate()
@@ -179,7 +181,8 @@ class Localiser:
             center = inside(response.local_maximum(center), frame)
         shift = window.shift(center)
         self._frames += 1
-        if self._frames % _SCALE_EVERY == 0 or self._growing:
+        self.resized = self._frames % _SCALE_EVERY == 0 or self._growing
+        if self.resized:
             growth = model.growth(window, shift)
             if self._failure is None and self._similarity >= ALWAYS_GOOD:
                 since_first = self._first_scale.growth(window.grey, window.sample_at(shift))
@@ -222,7 +225,7 @@ class Localiser:
             self._failure = Redetection(before, self._template, self._velocity.velocity, dt,
                                         self._searches, self._rng)
         else:
-            self._live = self._live.with_response(peak).with_similarity(self._similarity)
+            self._live = self._live.followed(peak, self._similarity)
 
 
 class VelocityEstimate:

@@ -82,7 +82,7 @@ class Redetection:
         template, `peak` the highest response about it.
         """
         usual = live.usual_response
-        live = live.with_response(peak)
+        live = live.followed(peak)
         self._updates += 1
         self._age += dt
         level = self._snapshot.usual_similarity

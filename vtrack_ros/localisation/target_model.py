@@ -120,15 +120,13 @@ class TargetSnapshot:
         """Return the response in the window about a place, in pixels."""
         return self.model.localise(frame, center, self.size)
 
-    def with_response(self, response: float) -> TargetSnapshot:
-        """Return the snapshot whose usual response has followed one more frame's."""
-        usual = self.usual_response
-        return replace(self, usual_response=usual + _USUAL_RATE * (response - usual))
-
-    def with_similarity(self, similarity: float) -> TargetSnapshot:
-        """Return the snapshot whose usual similarity has followed one more frame's."""
-        usual = self.usual_similarity
-        return replace(self, usual_similarity=usual + _USUAL_RATE * (similarity - usual))
+    def followed(self, response: float, similarity: float | None = None) -> TargetSnapshot:
+        """Return the snapshot whose usual values have followed one more frame's."""
+        usual, usually = self.usual_response, self.usual_similarity
+        usual += _USUAL_RATE * (response - usual)
+        if similarity is not None:
+            usually += _USUAL_RATE * (similarity - usually)
+        return replace(self, usual_response=usual, usual_similarity=usually)
 
 
 def is_centred(shift: Point) -> bool:
