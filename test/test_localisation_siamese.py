@@ -12,6 +12,9 @@ import pytest
 from siamese_files import network_files, write_backbone, write_head
 
 from vtrack_ros.appearance.siamese_network import exemplar_side, SiameseNetwork
+from vtrack_ros.localisation.search_window import WindowLayout
+from vtrack_ros.localisation.siamese_localiser import SiameseModel
+from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState
 
@@ -47,6 +50,21 @@ def test_the_network_finds_the_target_where_it_is(files):
     row, column = divmod(int(odds.argmax()), 16)
     assert (row, column) == (8, 10)
     np.testing.assert_allclose(boxes[:, row, column], [*START, SIDE / 2, SIDE / 2], atol=0.6)
+
+
+@pytest.mark.parametrize('other', [(2.0, 2.0), (0.5, 0.5), (2.0, 0.5)])
+def test_of_boxes_that_are_as_likely_the_usual_one_is_taken(other, files, monkeypatch):
+    """The network alone can't tell the target from a box about it, or from a part."""
+    boxes = np.empty((4, 16, 16))
+    boxes.T[:] = *START, *np.multiply(TARGET, other)
+    boxes[2:, 12, 5] = TARGET
+    monkeypatch.setattr(SiameseNetwork, 'search', lambda *_: (np.zeros((16, 16)), boxes.copy()))
+    layout = WindowLayout.around(*TARGET)
+    model = SiameseModel.beside(
+        TargetModel.create(layout.window(frame_at(START), START, TARGET)),
+        SiameseNetwork(*files.values()), frame_at(START), START, TARGET)
+    found = model.localise(frame_at(START), START, TARGET).box_at(START)
+    np.testing.assert_allclose(found, [*START, *TARGET])
 
 
 @pytest.mark.parametrize('name', FILTERS)

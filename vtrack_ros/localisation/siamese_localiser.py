@@ -19,6 +19,8 @@ _ELSEWHERE, _RANGE = -6.0, 16.0
 _CELLS, _SPREAD = 32, 1.0
 #: A box with less than this share of the highest response says nothing about the target's place.
 _SHARE = 0.3
+#: How much less a box counts that is of another size or shape than the target was.
+_CHANGE = 0.148
 #: Puts the product of similarity and response on the scale of a similarity.
 _CREDIBLE = 1.75
 #: How fast the size follows the network's boxes.
@@ -98,11 +100,34 @@ class SiameseModel(TargetModel):
         boxes = found.reshape(4, -1).T[strong]
         boxes[:, :2] += self.correction[:2] * boxes[:, 2:]
         boxes[:, 2:] *= self.correction[2:]
-        return SiameseResponse.of(center, side, boxes, levels[strong])
+        return SiameseResponse.of(
+            center, side, boxes, levels[strong] * _steadiness(boxes[:, 2:], size))
 
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
         """Return the similarity of a place, in pixels, as far as the network agrees."""
         return _CREDIBLE * similarity * response.sample_one(place)
+
+
+def _steadiness(sizes: Array, size: Point) -> Array:
+    """
+    Return how far boxes of other sizes, shape (N, 2), count as the target's, shape (N,).
+
+    1 for one of the same size and shape [Li et al. 2018, sec. 4.3]: many boxes overlap the target,
+    and the network's odds alone don't tell which is the best of them.
+    """
+    width, height = sizes.T
+    change = np.ones(len(sizes))
+    for found, before in ((width / height, size[0] / size[1]),
+                          (_whole(width, height), _whole(*size))):
+        change *= np.maximum(found / before, before / found)
+    steadiness: Array = np.exp(_CHANGE * (1 - change))
+    return steadiness
+
+
+def _whole(width: Array | float, height: Array | float) -> Array:
+    """Return the side of the square that boxes with their surroundings would fill."""
+    around = (width + height) / 2
+    return np.sqrt((width + around) * (height + around))
 
 
 class SiameseLocaliser(Localiser):
