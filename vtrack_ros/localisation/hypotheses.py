@@ -25,8 +25,9 @@ _TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
 #: where the leader's size was just measured; in each of the first frames, where the target parts
 #: from what was behind it.
 _PAUSE, _LONG_PAUSE, _FIRST = 2.5, 3.5, 30
-#: Boxes that overlap less than that are of different places.
-_TOGETHER = 0.5
+#: Boxes that overlap less than that are of different places; the models agree about the target
+#: where they overlap by so much more: a size that drifts away isn't what to begin again with.
+_TOGETHER, _ALIKE = 0.5, 0.75
 #: The other model stays at its own maximum where that has this share of the highest response.
 _LEVEL = 0.8
 #: The least that a similarity is taken for.
@@ -177,9 +178,8 @@ class Hypotheses:
         return self._leader.estimate(covariance, angle, particles, affine, box)
 
     def _questionable(self) -> bool:
-        """Tell whether the two disagree, or one of them isn't sure, or they're new."""
-        return (self._frames <= _FIRST or self._apart > 0
-                or self._leader.uncertain or self._other.uncertain)
+        """Tell whether the two disagree, or the leader isn't sure, or they're new."""
+        return self._frames <= _FIRST or self._apart > 0 or self._leader.uncertain
 
     def _update_other(self, frame: Frame) -> None:
         """Let the other model follow its own maximum; about the leader's place, if it's near."""
@@ -199,9 +199,11 @@ class Hypotheses:
     def _decide(self) -> bool:
         """Tell whether the other model takes over; or let it start again at the leader's place."""
         leader, other = self._leader, self._other
-        if _box(leader).iou(_box(other)) >= _TOGETHER:
+        overlap = _box(leader).iou(_box(other))
+        if overlap >= _TOGETHER:
             self._apart = 0
-            self._agreed = {each: each.snapshot for each in self._similarities}
+            if overlap >= _ALIKE:
+                self._agreed = {each: each.snapshot for each in self._similarities}
             return False
         self._apart += 1
         believed, rival = self._similarities[leader], self._similarities[other]
