@@ -26,7 +26,7 @@ _CREDIBLE = 1.75
 #: How fast the size follows the network's boxes.
 _SIZE_RATE = 0.35
 #: The network's box in the first frame is corrected by at most that share of its size.
-_CORRECTED = 0.3
+_CORRECTED = 0.15
 
 
 @dataclass(frozen=True)
