@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f'{FOLDER} has to name the folder of the networks', file=sys.stderr)
         return 2
     trackers = _trackers(Path(os.environ[FOLDER]))
-    whole, _ = folder_sequences(arguments.sequences, arguments.frames)
+    whole, _ = folder_sequences(arguments.sequences, arguments.frames or None)
     short, _ = folder_sequences(arguments.sequences, arguments.stressed)
     plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'))
     kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
@@ -100,12 +100,13 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
     by_target = [['target', DCF, SIAMESE, ALONE]]
     by_target += [[name, *(f'{row[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE))]
                   for name, row in plain.by_sequence.items()]
+    length = f'the first {arguments.frames} frames' if arguments.frames else 'all frames'
     return (
         '# Localisers: a network under a filter, and alone\n\n'
         f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py` with the public weights of '
-        f'NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} targets, the '
-        f'first {arguments.frames} frames of each, seeds: {arguments.seeds}, one thread. What the '
-        'figures mean is in [evaluate.md](../evaluate.md); intervals are a bootstrap over the '
+        f'NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} targets, '
+        f'{length} of each, seeds: {arguments.seeds}, one thread. What the figures mean is in '
+        '[evaluate.md](../evaluate.md); intervals are a bootstrap over the '
         f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
         f'{ALONE} has a score, its confidence here, and no covariance; it never says that it lost '
         'the target. Times are processor time, and depend on what else the machine did.\n\n'
@@ -117,7 +118,7 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
     parser.add_argument('--sequences', type=Path, default=SEQUENCES)
-    parser.add_argument('--frames', type=int, default=150)
+    parser.add_argument('--frames', type=int, default=150, help='0: all')
     parser.add_argument('--stressed', type=int, default=60, metavar='FRAMES')
     parser.add_argument('--kinds', default='all', metavar='A,B,...')
     parser.add_argument('--seeds', type=int, default=5)
