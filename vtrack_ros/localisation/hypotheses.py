@@ -21,10 +21,10 @@ _RATE = 1 / 7
 #: The other model takes over when it's so much more similar to what it saw at first; it starts
 #: again beside the leader when it's been so much less similar for so many frames.
 _TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
-#: While they agree and are sure, the other one is updated after so many frames' time, or that many
+#: While they agree and are sure, the other one is updated after so many frames' time, and one more
 #: where the leader's size was just measured; in each of the first frames, where the target parts
 #: from what was behind it.
-_PAUSE, _LONG_PAUSE, _FIRST = 2.5, 3.5, 30
+_PAUSE, _FIRST = 2.5, 30
 #: Boxes that overlap less than that are of different places; the models agree about the target
 #: where they overlap by so much more: a size that drifts away isn't what to begin again with.
 _TOGETHER, _ALIKE = 0.5, 0.75
@@ -151,8 +151,7 @@ class Hypotheses:
         self._frames += 1
         self._waiting += dt
         # no frame should take much longer than the others: the two measure sizes in turns
-        pause = _LONG_PAUSE if self._leader.resized else _PAUSE
-        if self._waiting < pause and not self._questionable():
+        if self._waiting < _PAUSE + self._leader.resized and not self._questionable():
             return elsewhere
         self._update_other(frame)
         rate = max(_RATE, 1 / self._frames)
