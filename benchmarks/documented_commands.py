@@ -47,13 +47,13 @@ OTHERS = {
     'dask': 'needs a cluster; test/test_evaluation_running.py has one',
     'eval': 'test/test_cli_commands.py completes'}
 #: What `ros2` does here, where it's installed and the package is in a workspace that's sourced.
-VERBS = ('launch', 'param', 'pkg', 'security', 'topic')
+VERBS = ('launch', 'param', 'security', 'topic')
 #: What else isn't run, by what stands in it.
 LEFT = {
     '--enclave': 'needs a Fast DDS with security; test/test_security.py has the policy',
     'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
     'ros2 launch': 'needs ROS 2 installed; test/test_node_files.py has the launch files',
-    'ros2 pkg': 'needs ROS 2 installed', 'ros2 bag': 'needs ROS 2 installed',
+    'ros2 bag': 'needs ROS 2 installed',
     'ros2 run usb_cam': "needs ROS 2 installed; another package's",
     'ros2 topic': 'needs ROS 2 installed; type and content are checked, test_node_*.py send such',
     'ros2 param': 'needs ROS 2 installed; name and value are checked; test_node_parameters.py',
@@ -179,11 +179,11 @@ def run(words: list[str], folder: Path) -> int | str:
     if 'synth' in words and '--frames' not in words and '--list' not in words:
         call = [*call, '--frames', str(FRAMES)]
     tool, endless = call[0].startswith('/'), _ENDLESS & {Path(word).name for word in words}
-    where = ROOT if tool or words[0].startswith(('python', '.venv')) else folder
+    at_root = tool and words[0] != 'ros2' or words[0].startswith(('python', '.venv'))
     path = os.pathsep.join((str(folder / 'site'), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
         call if tool else [sys.executable, *call], stdout=subprocess.PIPE,
-        cwd=folder if words[0] == 'ros2' else where,
+        cwd=ROOT if at_root else folder,
         stderr=subprocess.STDOUT, text=True,
         env={**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache'), 'PYTHONPATH': path})
     try:

@@ -57,19 +57,19 @@ def test_a_target_that_the_camera_follows_is_kept(name, kept):
 
 def test_no_frame_measures_two_sizes(monkeypatch):
     """Once a target is known, what takes long is done in turns."""
-    measured = []
-    updated = ScaleRegression.updated
-    monkeypatch.setattr(ScaleRegression, 'updated', lambda *values: (
-        measured.append(1), updated(*values))[1])
-    target, search = started(VIDEO.frame(START))
     counts = []
-    for index in range(72):
-        measured.clear()
-        frame = VIDEO.frame((START[0] + index, START[1]))
-        found = search.search(frame, 1.0)
-        search.follow(1.0, target.update(frame, found.response, found.place, 1.0))
-        counts.append(len(measured))
-    assert max(counts[30:]) == 1 and sum(counts[30:]) > 10
+    updated = ScaleRegression.updated
+
+    def counted(*values):
+        counts[-1] += 1
+        return updated(*values)
+
+    def frame_of(center):
+        counts.append(0)
+        return VIDEO.frame(center)
+    monkeypatch.setattr(ScaleRegression, 'updated', counted)
+    follow([START, *((START[0] + index, START[1]) for index in range(72))], frame_of)
+    assert max(counts[31:]) == 1 and sum(counts[31:]) > 10
 
 
 def test_the_window_goes_ahead_of_a_steady_target():

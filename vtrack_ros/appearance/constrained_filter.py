@@ -101,6 +101,7 @@ def support_matrices(rows: int, columns: int, width: float, height: float,
     """
     down, across = side_support(rows, height), side_support(columns, width)
     inside = down > 0
-    forward, back = transform_matrices(rows, columns), inverse_matrices(rows, columns)
+    forward = transform_matrices(rows, columns, tapered=False)
+    back = inverse_matrices(rows, columns)
     return (back[0][inside], ((back[1] * across) @ forward[0]).astype(np.float32),
             (forward[1][:, inside] * down[inside]).astype(np.complex64))

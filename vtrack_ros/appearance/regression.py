@@ -65,7 +65,7 @@ class CorrelationFilter:
     @staticmethod
     def transform(features: Features) -> Spectrum:
         """Return the spectrum of features of shape (channels, rows, columns), edges faded."""
-        return _transformed(features, *transform_matrices(*features.shape[1:], tapered=True))
+        return transformed_maps(features, tapered=True)
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> CorrelationFilter:
@@ -200,7 +200,7 @@ def fourier_matrices(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
 
 @lru_cache(maxsize=64)
 def transform_matrices(rows: int, columns: int,
-                       tapered: bool = False) -> tuple[NDArray[np.float32], Spectrum]:
+                       tapered: bool) -> tuple[NDArray[np.float32], Spectrum]:
     """
     Return the Fourier transform of real maps: matrices for the right and for the left.
 
@@ -212,15 +212,11 @@ def transform_matrices(rows: int, columns: int,
     return over_columns, np.fft.fft(down).T.astype(np.complex64)
 
 
-def _transformed(maps: NDArray[np.float32], over_columns: NDArray[np.float32],
-                 over_rows: Spectrum) -> Spectrum:
+def transformed_maps(maps: NDArray[np.float32], tapered: bool = False) -> Spectrum:
+    """Return the spectrum of maps of shape (channels, rows, columns), their edges faded or not."""
+    over_columns, over_rows = transform_matrices(*maps.shape[1:], tapered)
     spectrum: Spectrum = over_rows @ (maps @ over_columns).view(np.complex64)
     return spectrum
-
-
-def transformed_maps(maps: NDArray[np.float32]) -> Spectrum:
-    """Return the spectrum of maps of shape (channels, rows, columns), edges as they are."""
-    return _transformed(maps, *transform_matrices(*maps.shape[1:]))
 
 
 def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 import os
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame, Point
+from vtrack_ros.frame import Array, Frame, Point
 
 #: Sides of the target's image and of the one that's searched, in samples, as NanoTrack has them.
 EXEMPLAR, SEARCHED = 127, 255
@@ -25,6 +26,8 @@ _TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 
 #: Features of an image, float32, shape (1, channels, rows, columns).
 Blob = NDArray[np.float32]
+#: A length, or one of each of several boxes.
+Length = TypeVar('Length', float, Array)
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,11 @@ class SiameseNetwork:
         return features
 
 
-def exemplar_side(size: Point) -> float:
+def exemplar_side(size: tuple[Length, Length]) -> Length:
     """Return the side of the square that shows a target, (width, height), with surroundings."""
     context = _CONTEXT * (size[0] + size[1])
-    return float(np.sqrt((size[0] + context) * (size[1] + context)))
+    side: Length = np.sqrt((size[0] + context) * (size[1] + context))
+    return side
 
 
 def check_network(path: str) -> None:

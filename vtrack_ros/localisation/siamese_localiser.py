@@ -118,16 +118,10 @@ def _steadiness(sizes: Array, size: Point) -> Array:
     width, height = sizes.T
     change = np.ones(len(sizes))
     for found, before in ((width / height, size[0] / size[1]),
-                          (_whole(width, height), _whole(*size))):
+                          (exemplar_side((width, height)), exemplar_side(size))):
         change *= np.maximum(found / before, before / found)
     steadiness: Array = np.exp(_CHANGE * (1 - change))
     return steadiness
-
-
-def _whole(width: Array | float, height: Array | float) -> Array:
-    """Return the side of the square that boxes with their surroundings would fill."""
-    around = (width + height) / 2
-    return np.sqrt((width + around) * (height + around))
 
 
 class SiameseLocaliser(Localiser):

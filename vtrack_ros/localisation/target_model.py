@@ -122,11 +122,11 @@ class TargetSnapshot:
 
     def followed(self, response: float, similarity: float | None = None) -> TargetSnapshot:
         """Return the snapshot whose usual values have followed one more frame's."""
-        usual, usually = self.usual_response, self.usual_similarity
-        usual += _USUAL_RATE * (response - usual)
+        usual_response, usual_similarity = self.usual_response, self.usual_similarity
+        usual_response += _USUAL_RATE * (response - usual_response)
         if similarity is not None:
-            usually += _USUAL_RATE * (similarity - usually)
-        return replace(self, usual_response=usual, usual_similarity=usually)
+            usual_similarity += _USUAL_RATE * (similarity - usual_similarity)
+        return replace(self, usual_response=usual_response, usual_similarity=usual_similarity)
 
 
 def is_centred(shift: Point) -> bool:
