@@ -31,7 +31,7 @@ from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
-from vtrack_ros.localisation import guided_search, hypotheses, localiser
+from vtrack_ros.localisation import guided_search, hypotheses, target_model
 from vtrack_ros.localisation.guided_search import GuidedSearch
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.trackers import create_tracker
@@ -71,7 +71,9 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     'the second model': lambda: [
         patch.object(hypotheses, '_PAUSE', math.inf),
         patch.object(hypotheses.Hypotheses, '_questionable', lambda self: False)],
-    'the size of the first frame': lambda: [patch.object(localiser, '_ANCHOR', 0.0)],
+    'the share of the first frame': lambda: [
+        patch.object(target_model, '_FIRST_IN_FILTER', 0.0),
+        patch.object(target_model, '_FIRST_IN_SCALE', 0.0)],
     're-detection': lambda: [patch.object(Redetection, 'update', _unsearched)]}
 
 

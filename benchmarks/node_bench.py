@@ -17,7 +17,9 @@ import rclpy
 from rclpy.node import Node
 from sensor_msgs.msg import Image
 
+from vtrack_ros.bags.messages import detected_box
 from vtrack_ros.dds import with_profile
+from vtrack_ros.geometry import Box
 
 #: The target's side, in pixels, and the frames of its way there and back.
 SIDE, WAY = 64, 12
@@ -77,7 +79,13 @@ class Answers:
         """Begin to count anew; what was sent before isn't heard of any more."""
         self._sent.clear()
         self.latency_ms: list[float] = []
-        self.found = 0
+        #: The box by the image's stamp, where the target was found.
+        self.boxes: dict[int, Box | None] = {}
+
+    @property
+    def found(self) -> int:
+        """Return in how many images the target was found."""
+        return len(self.boxes)
 
     def send(self, publisher: Any, image: Any, stamp: int) -> None:
         """Publish an image with a stamp in nanoseconds."""
@@ -90,7 +98,8 @@ class Answers:
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         if stamp in self._sent:
             self.latency_ms.append((time.perf_counter_ns() - self._sent.pop(stamp)) / 1e6)
-            self.found += bool(message.detections)
+            if message.detections:
+                self.boxes[stamp] = detected_box(message)
 
     def percentiles(self) -> tuple[float, float]:
         """Return the latency's median and 99th percentile in milliseconds; NaN without answers."""
@@ -123,6 +132,12 @@ def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str
             '-p', f'tracker:={tracker}', '-p', f'init_box:={box}', *more]
 
 
+def target_box(index: int, width: int, height: int) -> Box:
+    """Return where the target is in an image of the `scene`, which begins again and again."""
+    across = 4 * (WAY // 2 - abs(index % WAY - WAY // 2))
+    return Box(width // 3 + across, height // 3, SIDE, SIDE)
+
+
 def scene(width: int, height: int) -> tuple[list[Any], str]:
     """Return images of a textured square that goes there and back, and its first box."""
     rng = np.random.default_rng(1)
@@ -131,16 +146,15 @@ def scene(width: int, height: int) -> tuple[list[Any], str]:
     target = np.kron(rng.integers(0, 2, (SIDE // 8, SIDE // 8)), np.ones((8, 8), int))
     colours = np.array([[30, 40, 220], [220, 200, 40]], np.uint8)
     messages = []
-    left, top = width // 3, height // 3
     for index in range(WAY):
-        x = left + 4 * (WAY // 2 - abs(index - WAY // 2))
+        x, top = (int(value) for value in target_box(index, width, height).as_array()[:2])
         frame = ground.copy()
         frame[top:top + SIDE, x:x + SIDE] = colours[target]
         message = Image(width=width, height=height, encoding='bgr8', step=3 * width)
         message.header.frame_id = 'camera'
         message.data = frame.tobytes()
         messages.append(message)
-    return messages, f'[{left}, {top}, {SIDE}, {SIDE}]'
+    return messages, f'[{width // 3}, {height // 3}, {SIDE}, {SIDE}]'
 
 
 def cpu_seconds(pid: int) -> float:

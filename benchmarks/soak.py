@@ -17,7 +17,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_scenarios.page import page
-from node_bench import Answers, Bench, child, cpu_seconds, rss_mb, scene, tracker_arguments
+from node_bench import (
+    Answers, Bench, child, cpu_seconds, rss_mb, scene, target_box, tracker_arguments)
 import numpy as np
 from result_files import write_json
 from sensor_msgs.msg import Image
@@ -36,6 +37,8 @@ class Window:
     sent: int
     answered: int
     found: int
+    #: The least overlap of a box with the target.
+    least_iou: float
     latency_ms_p50: float
     latency_ms_p99: float
     compute_ms_p50: float
@@ -52,6 +55,12 @@ def machine_ticks() -> tuple[int, int]:
     """Return the time that the host gave to others, and all of it, in ticks."""
     ticks = [int(one) for one in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
     return ticks[7], sum(ticks)
+
+
+def least_iou(answers: Answers, period: int) -> float:
+    """Return the least overlap of the boxes with the target; 0 where none was found."""
+    return min((0.0 if box is None else box.iou(target_box(stamp // period, WIDTH, HEIGHT))
+                for stamp, box in answers.boxes.items()), default=0.0)
 
 
 def soak(bench: Bench, windows: int, seconds: float, rate: float,
@@ -94,7 +103,8 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
             stolen, all_ticks = np.subtract(machine_ticks(), before)
             answered = len(answers.latency_ms)
             window = Window(
-                count, answered, answers.found, *answers.percentiles(),
+                count, answered, answers.found, least_iou(answers, period),
+                *answers.percentiles(),
                 float(np.median(compute)) if compute else float('nan'),
                 1e3 * (cpu_seconds(process.pid) - cpu) / max(1, answered), rss_mb(process.pid),
                 rss_mb(process.pid, 'RssAnon'),

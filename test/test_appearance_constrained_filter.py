@@ -67,11 +67,11 @@ def test_it_finds_the_target_before_another_background():
 
 
 def test_later_examples_are_averaged_in():
-    """With half their weight: it learns slowly."""
+    """With the weight that is given; the mean of filters is a filter of the same support."""
     first, second = learned(features(0)), features(1)
     both = learned(second, 0.1, first)
     np.testing.assert_allclose(
-        both.numerator, 0.95 * first.numerator + 0.05 * learned(second).numerator, atol=1e-5)
+        both.numerator, 0.9 * first.numerator + 0.1 * learned(second).numerator, atol=1e-5)
 
 
 def test_a_shift_is_that_of_the_example():

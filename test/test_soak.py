@@ -1,10 +1,9 @@
 """What time must not change: the soak of benchmarks/soak.py, for seconds instead of an hour."""
 
-from node_bench import Bench, scene, SIDE, WAY
+from node_bench import Bench, scene, target_box, WAY
 import numpy as np
 from soak import soak
 
-from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker
 
 
@@ -16,6 +15,7 @@ def test_a_node_keeps_what_it_has():
     finally:
         bench.close()
     assert last.found > 0
+    assert last.least_iou > 0.7
     assert (last.threads, last.descriptors) == (first.threads, first.descriptors)
     # One VGA frame in each answer that is kept would be 40 MB.
     assert last.private_mb - first.private_mb < 4
@@ -27,7 +27,7 @@ def test_a_size_that_stays_is_kept():
     messages, _ = scene(width, height)
     frames = [np.frombuffer(one.data, np.uint8).reshape(height, width, 3) for one in messages]
     tracker = create_tracker('gmpf', seed=0)
-    tracker.start(frames[0], Box(width // 3, height // 3, SIDE, SIDE))
+    tracker.start(frames[0], target_box(0, width, height))
     for index in range(1, 1000):
         estimate = tracker.update(frames[index % WAY])
-    assert abs(estimate.box.width / SIDE - 1) < 0.15
+    assert estimate.box.iou(target_box(index, width, height)) > 0.85

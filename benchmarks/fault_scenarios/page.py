@@ -70,6 +70,7 @@ def _soak(soak: dict[str, Any]) -> list[str]:
              '| | first minute | last minute | wanted |', '| --- | ---: | ---: | --- |']
     for name, key, wanted in (
             ('images answered of 3600', 'answered', ''), ('with the target', 'found', 'all'),
+            ('least overlap of a box (IoU)', 'least_iou', 'on the target'),
             ('latency p50, ms', 'latency_ms_p50', ''),
             ('latency p99, ms', 'latency_ms_p99', 'at most 1.2 times'),
             ("the tracker's own time, p50, ms", 'compute_ms_p50', ''),

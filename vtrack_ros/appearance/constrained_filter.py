@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 import math
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,6 @@ from vtrack_ros.frame import Point
 #: Ridge of the filter [Lukezic2017, lambda], and the penalty of the first step, by what it grows.
 _RIDGE, _PENALTY, _GROWTH = 0.01, 5.0, 3.0
 _STEPS = 2
-#: It learns more slowly than others: it's what remembers the target.
-_SLOWNESS = 0.5
 #: The least answer of a channel to what it was learned from.
 _LEAST = 1e-4
 
@@ -39,6 +38,9 @@ class ConstrainedFilter(CorrelationFilter):
 
     support: tuple[Spectrum, NDArray[np.float32], Spectrum]
 
+    #: It learns more slowly than others: it's what remembers the target.
+    RATE: ClassVar[float] = 0.01
+
     @classmethod
     def within(cls, width: float, height: float, empty: CorrelationFilter) -> ConstrainedFilter:
         """Make an empty filter for a target of that size in cells, otherwise like another."""
@@ -49,10 +51,9 @@ class ConstrainedFilter(CorrelationFilter):
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> ConstrainedFilter:
-        """Return the filter after one more example, of half the weight that is given."""
+        """Return the filter after one more example, with a weight in the running average."""
         learned = self._learned(spectrum, shift)
         if rate < 1:
-            rate *= _SLOWNESS
             learned *= np.float32(rate)
             learned += np.float32(1 - rate) * self.numerator
         return replace(self, numerator=learned)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import ClassVar, Self
 
 import cv2
 import numpy as np
@@ -50,6 +51,9 @@ class CorrelationFilter:
     shape: tuple[int, int]
     regularisation: float
 
+    #: Weight of an example in the running average, where the target is tracked.
+    RATE: ClassVar[float] = 0.02
+
     @classmethod
     def create(cls, rows: int, columns: int, width: float, regularisation: float = 1e-2,
                ) -> CorrelationFilter:
@@ -85,6 +89,13 @@ class CorrelationFilter:
             denominator += (1 - rate) * self.denominator
         return CorrelationFilter(
             numerator, denominator, self.label, self.shape, self.regularisation)
+
+    def mixed(self, other: CorrelationFilter, share: float) -> Self:
+        """Return the filter that has learned another one's examples too, as that share of all."""
+        own, its = np.float32(1 - share), np.float32(share)
+        return replace(
+            self, numerator=own * self.numerator + its * other.numerator,
+            denominator=own * self.denominator + its * other.denominator)
 
     def response(self, spectrum: Spectrum, rows: slice = _WHOLE, columns: slice = _WHOLE,
                  ) -> NDArray[np.float32]:
@@ -129,15 +140,13 @@ class ScaleRegression:
 
     A hyperplane tracker [Jurie and Dhome 2002] for one parameter: what the target would look like
     if the box were too small or too large is known by resampling one image, and ridge regression
-    finds the weights with which the features give the logarithm of the size's error, as
-    `weights @ features + offset`. The grid, shape (2, rows, columns), has the sample points from
-    the target's centre, in pixels; the examples are the features' running average at all scales.
+    finds the weights with which the features give the logarithm of the size's error. The grid,
+    shape (2, rows, columns), has the sample points from the target's centre, in pixels; the
+    examples, shape (scales, features), are the features' running average at all scales.
     """
 
     grid: NDArray[np.float32]
     examples: NDArray[np.float32]
-    weights: NDArray[np.float32]
-    offset: float
 
     @classmethod
     def create(cls, width: float, height: float) -> ScaleRegression:
@@ -148,12 +157,12 @@ class ScaleRegression:
         x, y = (side * ((np.arange(samples) + 0.5) / samples - 0.5)
                 for side, samples in ((width, columns), (height, rows)))
         grid = np.stack(np.meshgrid(x, y)).astype(np.float32)
-        nothing = np.empty(0, np.float32)
-        return cls(grid, nothing, nothing, 0.0)
+        return cls(grid, np.empty(0, np.float32))
 
     def growth(self, grey: Frame, center: Point) -> float:
         """Return by which factor a target, its centre in pixels, is larger than learned."""
-        excess = float(self._features(grey, center, _AS_IT_IS)[0] @ self.weights) + self.offset
+        mean, weights = self._solution
+        excess = float((self._features(grey, center, _AS_IT_IS)[0] - mean) @ weights)
         return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
 
     def updated(self, grey: Frame, center: Point, growth: float,
@@ -163,13 +172,22 @@ class ScaleRegression:
         if rate < 1:
             examples *= np.float32(rate)
             examples += np.float32(1 - rate) * self.examples
-        mean = examples.mean(axis=0)
-        differences = examples - mean
+        return ScaleRegression(self.grid, examples)
+
+    def mixed(self, other: ScaleRegression, share: float) -> ScaleRegression:
+        """Return the regression that has learned another one's examples too, as that share."""
+        examples = np.float32(1 - share) * self.examples + np.float32(share) * other.examples
+        return ScaleRegression(self.grid, examples)
+
+    @cached_property
+    def _solution(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the mean features, and the weights of what differs from them."""
+        mean = self.examples.mean(axis=0)
+        differences = self.examples - mean
         products = differences @ differences.T
         ridge = _RIDGE * np.trace(products) / len(products) + 1e-6
         dual = np.linalg.solve(products + ridge * np.eye(len(products)), _EXAMPLES)
-        weights = dual.astype(np.float32) @ differences
-        return ScaleRegression(self.grid, examples, weights, -float(mean @ weights))
+        return mean, dual.astype(np.float32) @ differences
 
     def _features(self, grey: Frame, center: Point,
                   scales: Array) -> NDArray[np.float32]:

@@ -23,9 +23,6 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 #: A target that's beyond question is verified in every second frame too; it's questionable where
 #: the response is below this share of the usual one, or where it wasn't always good enough before.
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
-#: How much the first frame has to say about the size, by as much as the target looks as it did
-#: then. What is learned last only compares with what was learned before, and the errors add up.
-_ANCHOR = 0.1
 #: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.12, 0.10
 #: The least and the largest factor of the first size.
@@ -54,7 +51,7 @@ class Localiser:
         window = layout.window(frame, center, size)
         model = self.MODEL.create(window, confined)
         self._template = InitialTemplate.of(model, window)
-        self._first_scale = model.scale
+        self._first_model = model
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
         self._first_size = size
         self._rng, self._searches = rng, searches
@@ -184,16 +181,13 @@ class Localiser:
         self.resized = self._frames % _SCALE_EVERY == 0 or self._growing
         if self.resized:
             growth = model.growth(window, shift)
-            if self._failure is None and self._similarity >= ALWAYS_GOOD:
-                since_first = self._first_scale.growth(window.grey, window.sample_at(shift))
-                growth *= since_first ** (_ANCHOR * self._similarity)
             self._growing = abs(math.log(growth)) > _GROWING
             size = self._bounded((window.size[0] * growth, window.size[1] * growth))
-            model = model.with_scale(window, shift, growth)
+            model = model.with_scale(window, shift, growth, self._first_model)
         if self._frames % _COLOURS_EVERY == 1:
             model = model.with_colours(window, shift)
         self._verify(window, center, response)
-        return TargetSnapshot(model.updated(window, shift), center, size,
+        return TargetSnapshot(model.updated(window, shift, self._first_model), center, size,
                               live.usual_response, live.usual_similarity)
 
     def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:

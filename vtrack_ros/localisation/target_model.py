@@ -20,9 +20,11 @@ _COLOUR_WEIGHT = 0.3
 #: A target that is off the middle by more than this many cells is worth a window of its own.
 _CENTRED = 1.0
 #: Weights of an example in the running averages.
-_RATE = 0.02
 _COLOUR_RATE = 0.08
 _SCALE_RATE = 0.05
+#: The share of what is learned that is the first frame again: without it the errors of place and
+#: size add up, and after some minutes the model is of something else.
+_FIRST_IN_FILTER, _FIRST_IN_SCALE = 0.2, 0.1
 #: The usual response and similarity follow slowly, or they would get used to an occluder.
 _USUAL_RATE = 0.03
 
@@ -85,9 +87,15 @@ class TargetModel:
         """Return by which factor the target, `shift` cells off the centre, grew."""
         return self.scale.growth(window.grey, window.sample_at(shift))
 
-    def updated(self, window: SearchWindow, shift: Point) -> TargetModel:
-        """Return the model whose filter has learned the target, `shift` cells off the centre."""
-        correlation = self.correlation.updated(window.spectrum, _RATE, shift)
+    def updated(self, window: SearchWindow, shift: Point, first: TargetModel) -> TargetModel:
+        """
+        Return the model whose filter has learned the target, `shift` cells off the centre.
+
+        A share of what it learns is what the `first` frame's model knows.
+        """
+        rate = self.correlation.RATE
+        correlation = self.correlation.updated(window.spectrum, rate, shift)
+        correlation = correlation.mixed(first.correlation, _FIRST_IN_FILTER * rate)
         return replace(self, correlation=correlation)
 
     def with_colours(self, window: SearchWindow, shift: Point) -> TargetModel:
@@ -95,9 +103,11 @@ class TargetModel:
         colours = self.colours.updated(window.colours, window.rectangle(shift), _COLOUR_RATE)
         return replace(self, colours=colours)
 
-    def with_scale(self, window: SearchWindow, shift: Point, growth: float) -> TargetModel:
-        """Return the model that has learned the scale of a target grown by a factor."""
-        scale = self.scale.updated(window.grey, window.sample_at(shift), growth, _SCALE_RATE)
+    def with_scale(self, window: SearchWindow, shift: Point, growth: float,
+                   first: TargetModel) -> TargetModel:
+        """Return the model that has learned the scale of a target grown by a factor, likewise."""
+        scale = self.scale.mixed(first.scale, _FIRST_IN_SCALE * _SCALE_RATE)
+        scale = scale.updated(window.grey, window.sample_at(shift), growth, _SCALE_RATE)
         return replace(self, scale=scale)
 
 
