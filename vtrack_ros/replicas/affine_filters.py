@@ -15,7 +15,7 @@ from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.localisation.filter_parameters import (
     AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS)
-from vtrack_ros.localisation.presence import state_after, unknown_covariance
+from vtrack_ros.localisation.presence import logistic, state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
 
@@ -104,7 +104,7 @@ class AffineParticleTracker(Tracker):
         visible = box.clipped(self._frame_shape[1], self._frame_shape[0])
         # patches repeat the border beyond it, and may look like anything there
         similarity *= 0.0 if visible is None else visible.area / box.area
-        confidence = float(1 / (1 + np.exp(-(similarity - _EVEN) / _WIDTH)))
+        confidence = logistic((similarity - _EVEN) / _WIDTH)
         self._unlike_frames = self._unlike_frames + dt if similarity < _UNLIKE else 0.0
         covariance += unknown_covariance(
             _CENTER_ERROR, _SIZE_ERROR, box.area, self._unlike_frames)

@@ -9,6 +9,7 @@ from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
 from vtrack_ros.appearance.motion_edge import MotionEdge
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.frame import Array, Frame
+from vtrack_ros.localisation.presence import logistic
 
 #: From likelihoods (cues, N) and reliabilities (cues,) to the log of the fused one, shape (N,).
 FusionRule = Callable[[Array, Array], Array]
@@ -116,7 +117,7 @@ class BoxCues:
         """Return how sure it is that the target is in a box, shape (4,): in [0, 1]."""
         rho = float(self._colour.coefficients(self._frame, box[None], self._reference)[0])
         similarity = (rho - self._floor) / (1 - self._floor)
-        return float(1 / (1 + np.exp(-(similarity - _EVEN) / _WIDTH)))
+        return logistic((similarity - _EVEN) / _WIDTH)
 
     def update(self, box: Array) -> None:
         """Take the moving edges in a box, shape (4,), for the target's."""

@@ -13,7 +13,7 @@ from vtrack_ros.geometry.ellipse import (
     axes_of_bandwidth, bounded, bounds_of_bandwidth, SIGMA, turned)
 from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import fuse
-from vtrack_ros.localisation.presence import state_after, unknown_covariance
+from vtrack_ros.localisation.presence import logistic, state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate, Tracker
 
@@ -226,7 +226,7 @@ class MeanShiftReplica(Tracker):
         covariance[:2, :2] = (offsets * weights[:, None]).T @ offsets / weights.sum()
         covariance += unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, searched)
         similarity = ((float(scores[0]) if searched else zeta) - self._floor) / (1 - self._floor)
-        confidence = 1 / (1 + math.exp(-(similarity - _EVEN) / _WIDTH))
+        confidence = logistic((similarity - _EVEN) / _WIDTH)
         sizes = np.broadcast_to([box.width, box.height], points.shape)
         return Estimate(
             box=box, angle=self._angle, covariance=covariance,
