@@ -20,12 +20,13 @@ from typing import Any
 from nonlinear_models import BearingRange, simulate
 import numpy as np
 from result_files import write_json
-from scalar_filters import FloatArray, paired
+from scalar_filters import paired
 
 from vtrack_ros.estimation import (
     ConstantVelocity, cubature, ExtendedKalmanFilter, gauss_hermite, Gaussian, GaussianFilter,
     GaussianFilterProposal, GreyProposal, KalmanFilter, ParticleFilter, PriorProposal, Proposal,
     pruned_gauss_hermite, SigmaPointFilter, unscented)
+from vtrack_ros.frame import Array
 
 PARTICLES = 150
 STEPS = 60
@@ -184,8 +185,8 @@ def grey(arguments: argparse.Namespace) -> dict[str, dict[str, float]]:
 
 
 def _rmse(
-        gaussian_filter: GaussianFilter, start: FloatArray, states: FloatArray,
-        measurements: FloatArray) -> float:
+        gaussian_filter: GaussianFilter, start: Array, states: Array,
+        measurements: Array) -> float:
     """Return the root mean squared position error of one run, [m]."""
     positions = len(start) // 2
     belief = Gaussian.from_moments(start, np.eye(len(start)))
@@ -198,7 +199,7 @@ def _rmse(
 
 
 def _kalman_time(
-        gaussian_filter: GaussianFilter, beliefs: Gaussian, measurement: FloatArray,
+        gaussian_filter: GaussianFilter, beliefs: Gaussian, measurement: Array,
         repeats: int) -> float:
     """Return the median milliseconds of prediction and update."""
     times = []

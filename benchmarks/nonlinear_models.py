@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.model import (
-    checked_array, checked_count, checked_positive, ConstantVelocity, FloatArray, StateSpaceModel)
+    checked_array, checked_count, checked_positive, ConstantVelocity, StateSpaceModel)
+from vtrack_ros.frame import Array
 
 
 def simulate(
         model: StateSpaceModel, start: ArrayLike, steps: int, rng: np.random.Generator,
-        dt: float = 1.0, time: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        dt: float = 1.0, time: float = 0.0) -> tuple[Array, Array]:
     """
     Draw a trajectory of a model from `start`, shape (n,), at `time`, and its measurements.
 
@@ -40,12 +41,11 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
     The paper gives no variances; 10 and 1 are usual (Gordon, Salmond and Smith, 1993).
     """
 
-    def __init__(
-            self, process_variance: float = 10.0, measurement_variance: float = 1.0) -> None:
+    def __init__(self, process_variance: float = 10.0, measurement_variance: float = 1.0) -> None:
         self.process_variance = checked_positive('process_variance', process_variance)
         super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         # In place: 0.5 x + 25 x / (1 + x^2) without four arrays on the way.
         moved = states ** 2
         moved += 1
@@ -55,19 +55,19 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
         moved += 8 * math.cos(1.2 * time)
         return moved
 
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         return np.array([[self.process_variance]])
 
-    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measure(self, states: Array, time: float = 0.0) -> Array:
         return states ** 2 / 20
 
     def transition_jacobian(
-            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+            self, states: Array, dt: float, time: float = 0.0) -> Array:
         square = states ** 2
-        slope: FloatArray = 0.5 + 25 * (1 - square) / (1 + square) ** 2
+        slope: Array = 0.5 + 25 * (1 - square) / (1 + square) ** 2
         return slope[:, :, np.newaxis]
 
-    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measurement_jacobian(self, states: Array, time: float = 0.0) -> Array:
         return (states / 10)[:, :, np.newaxis]
 
 
@@ -91,18 +91,18 @@ class VanDerMerweModel(StateSpaceModel):
         self.rate = checked_positive('rate', rate)
         super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         drift = 1 + math.sin(0.04 * math.pi * time) + self.shape / self.rate
         return 0.5 * states + drift
 
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         return np.array([[self.shape / self.rate ** 2]])
 
-    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
+    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> Array:
         """Draw v minus its mean, shape (count, 1)."""
         return rng.gamma(self.shape, 1 / self.rate, (count, 1)) - self.shape / self.rate
 
-    def log_noise_density(self, noise: FloatArray, dt: float) -> FloatArray:
+    def log_noise_density(self, noise: Array, dt: float) -> Array:
         """Return the log-density of v minus its mean, shape (N,); -inf where v < 0."""
         v = noise[:, 0] + self.shape / self.rate
         possible = v > 0
@@ -111,16 +111,16 @@ class VanDerMerweModel(StateSpaceModel):
         density = (self.shape - 1) * np.log(v) - self.rate * v + normaliser
         return np.where(possible, density, -np.inf)
 
-    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measure(self, states: Array, time: float = 0.0) -> Array:
         if time <= 30:
             return 0.2 * states ** 2
         return 0.5 * states - 2
 
     def transition_jacobian(
-            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+            self, states: Array, dt: float, time: float = 0.0) -> Array:
         return np.full((len(states), 1, 1), 0.5)
 
-    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measurement_jacobian(self, states: Array, time: float = 0.0) -> Array:
         slope = 0.4 * states if time <= 30 else np.full_like(states, 0.5)
         return slope[:, :, np.newaxis]
 
@@ -147,16 +147,16 @@ class BearingRange(StateSpaceModel):
         self._motion = ConstantVelocity(positions, acceleration_density=acceleration_density)
         self.measured_components = tuple(range(positions))
 
-    def transition_matrix(self, dt: float) -> FloatArray:
+    def transition_matrix(self, dt: float) -> Array:
         return self._motion.transition_matrix(dt)
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         return self._motion.transition(states, dt, time)
 
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         return self._motion.process_noise(dt)
 
-    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measure(self, states: Array, time: float = 0.0) -> Array:
         """Return range, bearing and, in space, elevation; shape (N, positions), [m, rad, rad]."""
         measured = np.empty((len(states), self.positions))
         ground = np.hypot(states[:, 0], states[:, 1])
@@ -167,7 +167,7 @@ class BearingRange(StateSpaceModel):
             measured[:, 2] = np.arctan2(states[:, 2], ground)
         return measured
 
-    def residual(self, measurements: FloatArray, predicted: FloatArray) -> FloatArray:
+    def residual(self, measurements: Array, predicted: Array) -> Array:
         """Return measurement minus prediction, the bearing's in [-pi, pi); shape (N, m)."""
         difference = measurements - predicted
         bearing = difference[..., 1]

@@ -27,6 +27,7 @@ from vtrack_ros.evaluation.metrics import off_target, on_target, overlaps
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
+from vtrack_ros.frame import Array
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,7 +41,7 @@ class Record:
 
     half: str
     kind: str
-    confidence: NDArray[np.float64]
+    confidence: Array
     on: NDArray[np.bool_]
     off: NDArray[np.bool_]
     vanished: NDArray[np.bool_]

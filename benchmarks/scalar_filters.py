@@ -15,14 +15,13 @@ from typing import TypeAlias
 
 from nonlinear_models import simulate, VanDerMerweModel
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.estimation import (
     ExtendedKalmanFilter, gauss_hermite, GaussianFilterProposal, hermite_nodes, ParticleFilter,
     PriorProposal, Proposal, pruned_gauss_hermite, RuleFactory, SigmaPointFilter, StateSpaceModel,
     unscented)
+from vtrack_ros.frame import Array
 
-FloatArray: TypeAlias = NDArray[np.float64]
 MakeProposal: TypeAlias = Callable[[StateSpaceModel], Proposal]
 
 STEPS = 60
@@ -49,25 +48,24 @@ class Demonstration(VanDerMerweModel):
         super().__init__(measurement_variance=0.1)
         self.inflation = inflation
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         """Return the states without the noise's mean, shape (N, 1)."""
         return super().transition(states, dt, time) - self.shape / self.rate
 
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         """Return the inflated variance, shape (1, 1)."""
         return self.inflation * super().process_noise(dt)
 
-    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
+    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> Array:
         """Draw the noise with its mean, shape (count, 1)."""
         return super().sample_noise(count, dt, rng) + self.shape / self.rate
 
     def log_transition(
-            self, states: FloatArray, previous: FloatArray, dt: float,
-            time: float = 0.0) -> FloatArray:
+            self, states: Array, previous: Array, dt: float,
+            time: float = 0.0) -> Array:
         """Return the Gamma density of the differences, up to a constant, shape (N,)."""
         difference = (states - previous)[:, 0]
-        density: FloatArray = ((self.shape - 1) * np.log(np.abs(difference))
-                               - self.rate * difference)
+        density: Array = (self.shape - 1) * np.log(np.abs(difference)) - self.rate * difference
         return density
 
 
@@ -92,12 +90,12 @@ class Runs:
         self.model, self.start, self.seed = model, start, seed
         pairs = [simulate(model, [start], STEPS, np.random.default_rng([seed, i]))
                  for i in range(count)]
-        self.states: FloatArray = np.array([states[:, 0] for states, _ in pairs])
-        self.measurements: FloatArray = np.array([seen for _, seen in pairs])
+        self.states: Array = np.array([states[:, 0] for states, _ in pairs])
+        self.measurements: Array = np.array([seen for _, seen in pairs])
 
     def run(
             self, make: MakeProposal, particles: int, believed: StateSpaceModel | None = None,
-            floor: float = 0.0) -> tuple[FloatArray, float]:
+            floor: float = 0.0) -> tuple[Array, float]:
         """
         Run a filter on every trajectory.
 
@@ -164,12 +162,12 @@ def filters(covariance: str = 'reset') -> dict[str, MakeProposal]:
     }
 
 
-def rmse(errors: FloatArray) -> FloatArray:
+def rmse(errors: Array) -> Array:
     """Return the root mean squared error of each run [Qi2012, eq. 25]."""
     return np.sqrt((errors ** 2).mean(axis=1))
 
 
-def summary(errors: FloatArray, states: FloatArray, seconds: float) -> dict[str, float]:
+def summary(errors: Array, states: Array, seconds: float) -> dict[str, float]:
     """
     Return mean, median and variance of the runs' RMSE, time, and how often the filter is lost.
 
@@ -188,7 +186,7 @@ def summary(errors: FloatArray, states: FloatArray, seconds: float) -> dict[str,
     }
 
 
-def paired(values: FloatArray, others: FloatArray) -> dict[str, float]:
+def paired(values: Array, others: Array) -> dict[str, float]:
     """Return the mean difference over runs, and its 95 % bootstrap interval."""
     difference = values - others
     rng = np.random.default_rng(0)

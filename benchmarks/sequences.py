@@ -13,7 +13,6 @@ from pathlib import Path
 import sys
 
 import numpy as np
-from numpy.typing import NDArray
 from result_files import facts_text, interval_text, write_json
 from shared_sequences import FOLDER
 
@@ -22,6 +21,7 @@ from vtrack_ros.evaluation import evaluate, parse_trackers, Results
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.table import markdown, number_text, summary_table, TITLES
+from vtrack_ros.frame import Array
 from vtrack_ros.trackers import available_peers
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -67,7 +67,7 @@ def difference(results: Results, tracker: str, other: str) -> tuple[float, float
     return interval(np.array([row[tracker]['auc'] - row[other]['auc'] for row in rows]))
 
 
-def interval(gaps: NDArray[np.float64]) -> tuple[float, float, float]:
+def interval(gaps: Array) -> tuple[float, float, float]:
     """Return the mean of one value for each target, and its 95 % bootstrap interval."""
     draws = np.random.default_rng(0).integers(0, len(gaps), (10000, len(gaps)))
     low, high = np.percentile(gaps[draws].mean(axis=1), [2.5, 97.5])

@@ -18,10 +18,10 @@ from typing import Any
 from nonlinear_models import UnivariateNonstationaryGrowth, VanDerMerweModel
 import numpy as np
 from result_files import write_json
-from scalar_filters import (
-    Demonstration, filters, FloatArray, paired, rmse, Runs, STEPS, summary)
+from scalar_filters import Demonstration, filters, paired, rmse, Runs, STEPS, summary
 
 from vtrack_ros.estimation import StateSpaceModel
+from vtrack_ros.frame import Array
 
 PARTICLES = 100
 REFERENCE_PARTICLES = 10_000
@@ -201,7 +201,7 @@ def _markdown(title: str, rows: Iterable[list[str]]) -> str:
     return '\n'.join([f'### {title}', '', *('| ' + ' | '.join(line) + ' |' for line in lines)])
 
 
-def _figure(path: Path, name: str, runs: Runs, errors: dict[str, FloatArray]) -> None:
+def _figure(path: Path, name: str, runs: Runs, errors: dict[str, Array]) -> None:
     """Draw the first run's estimates, and the error of all runs over time [Qi2012, figs 1, 2]."""
     import matplotlib
     matplotlib.use('Agg')

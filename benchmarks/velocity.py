@@ -13,7 +13,6 @@ from pathlib import Path
 
 from joblib import delayed, Parallel
 import numpy as np
-from numpy.typing import NDArray
 from shared_sequences import folder_sequences, half_of, HALVES, options
 
 from vtrack_ros.evaluation.calibration import inside_ellipse
@@ -21,6 +20,7 @@ from vtrack_ros.evaluation.metrics import on_target, overlaps
 from vtrack_ros.evaluation.runner import one_thread
 from vtrack_ros.evaluation.sequences import scene_sequence, Sequence
 from vtrack_ros.evaluation.table import markdown
+from vtrack_ros.frame import Array
 from vtrack_ros.scenes import scene_names
 from vtrack_ros.session.motion_filter import MotionFilter
 from vtrack_ros.trackers import create_tracker
@@ -56,7 +56,7 @@ class Record:
     inside_ahead: dict[int, float]
 
 
-def slopes(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def slopes(values: Array) -> Array:
     """Return the slope of values (n, m) by least squares, per second; NaN near the ends."""
     velocity = np.full_like(values, np.nan)
     steps = np.arange(-WINDOW, WINDOW + 1)
@@ -103,8 +103,7 @@ def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) 
     if good.sum() < 10:
         return None
 
-    def errors(filtered: NDArray[np.float64], values: NDArray[np.float64],
-               wanted: NDArray[np.float64], unit: NDArray[np.float64]) -> dict[str, float]:
+    def errors(filtered: Array, values: Array, wanted: Array, unit: Array) -> dict[str, float]:
         difference = np.vstack([0 * values[:1], RATE * np.diff(values, axis=0)])
         said = {'filter': filtered, 'two boxes': difference, 'zero': 0 * difference}
         return {name: float((((value - wanted)[good].T / unit[good]) ** 2).sum(axis=0).mean())
@@ -130,7 +129,7 @@ def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) 
         forecast, hold, inside_ahead)
 
 
-def _points(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _points(values: Array) -> Array:
     """Return boxes (n, 4) whose centres are the values (n, 2)."""
     return np.hstack([values - 0.5, np.ones_like(values)])
 

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Estimate, Frame, TrackState
 
@@ -57,12 +58,12 @@ class AnnotatedFrame:
         corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
         self._lines(corners, colour, thickness, closed=True)
 
-    def affine(self, affine: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
+    def affine(self, affine: Array, colour: tuple[int, int, int]) -> None:
         """Draw the image of the unit square about the origin."""
         square = np.array([[-.5, -.5, 1], [.5, -.5, 1], [.5, .5, 1], [-.5, .5, 1]])
         self._lines((square @ affine.T)[:, :2], colour, 2, closed=True)
 
-    def ellipse(self, box: Box, covariance: NDArray[np.float64],
+    def ellipse(self, box: Box, covariance: Array,
                 colour: tuple[int, int, int]) -> None:
         """Draw the ellipse that holds the centre with 90 %; the covariance is (>= 2, >= 2)."""
         values, vectors = np.linalg.eigh(covariance[:2, :2])
@@ -71,7 +72,7 @@ class AnnotatedFrame:
         outline = np.array(box.center) + np.stack([np.cos(turns), np.sin(turns)], 1) @ axes.T
         self._lines(outline, colour, 1, closed=True)
 
-    def particles(self, centers: NDArray[np.float64]) -> None:
+    def particles(self, centers: Array) -> None:
         """Draw particles; the centres have shape (N, >= 2)."""
         for x, y in self._fixed(np.asarray(centers)[:, :2]):
             cv2.circle(self.picture, (int(x), int(y)), 1 << _BITS, PARTICLE, -1,
@@ -101,13 +102,13 @@ class AnnotatedFrame:
         if np.isfinite(estimate.covariance[:2, :2]).all():
             self.ellipse(estimate.box, estimate.covariance, colour)
 
-    def _fixed(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+    def _fixed(self, points: Array) -> NDArray[np.int32]:
         # A box may lie anywhere: beyond these bounds OpenCV's integers would overflow.
         limit = 1e6
         scaled = np.clip(np.nan_to_num(points), -limit, limit) * self._scale - 0.5
         return np.asarray(np.round(scaled * (1 << _BITS)), np.int32)
 
-    def _lines(self, points: NDArray[np.float64], colour: tuple[int, int, int], thickness: int,
+    def _lines(self, points: Array, colour: tuple[int, int, int], thickness: int,
                closed: bool) -> None:
         cv2.polylines(self.picture, [self._fixed(points)], closed, colour, thickness,
                       cv2.LINE_AA, _BITS)
@@ -163,7 +164,7 @@ class Film:
 
     def add(self, frame: Frame, text: str, *, truth: Box | None = None,
             estimate: Estimate | None = None,
-            particles: NDArray[np.float64] | None = None) -> None:
+            particles: Array | None = None) -> None:
         """
         Append a frame, with its number, a text and all that is known of it drawn over it.
 

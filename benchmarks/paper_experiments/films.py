@@ -11,19 +11,17 @@ import zlib
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.evaluation import parse_tracker
 from vtrack_ros.evaluation.cache import run_key, RunCache, source_hash, tracker_source
 from vtrack_ros.evaluation.runner import one_thread, Run, run_tracker
 from vtrack_ros.evaluation.sequences import read_folder
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.scenes import render, scene_info, SceneFrame
 from vtrack_ros.scenes.catalogue import story_times
 from vtrack_ros.scenes.stage import film, Light, View
 
-Array = NDArray[np.float64]
 #: A frame, the target's box where it's in sight (else NaN), and its box hidden or not.
 Shot = tuple[Frame, Array, Array]
 #: Specifications as `vtrack evaluate` takes them, by the name in the table.
@@ -140,8 +138,7 @@ class Laboratory:
         return run
 
 
-def _rendered(scene: str, seed: int, frames: int | None,
-              light: float | None) -> Iterator[Shot]:
+def _rendered(scene: str, seed: int, frames: int | None, light: float | None) -> Iterator[Shot]:
     shots = (render(scene, frames=frames, seed=seed) if light is None
              else _lit(scene, seed, light))
     for shot in shots:

@@ -8,13 +8,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from paper_experiments.films import Outcome
 
 from vtrack_ros.evaluation import metrics
 from vtrack_ros.evaluation.scoring import composite_index
+from vtrack_ros.frame import Array
 
-Array = NDArray[np.float64]
 #: Figures of one tracker by name, each with a value for each run.
 Figures = dict[str, Array]
 #: A run has finished when it's on the target, on average, in this many last frames.

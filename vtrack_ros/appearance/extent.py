@@ -4,10 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
-
-Array = NDArray[np.float64]
 
 #: The windows that are looked at: their side, and the sizes sought there, in image heights.
 _WINDOWS = ((0.35, np.geomspace(0.02, 0.1, 8)[:-1]), (1.4, np.geomspace(0.1, 0.55, 9)))

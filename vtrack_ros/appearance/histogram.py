@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 
 #: Boxes side by side: shape (N, 4), (centre x, centre y, width, height) in pixels.
-Boxes = NDArray[np.float64]
+Boxes = Array
 
 
 class ColourHistogram:
@@ -30,19 +30,18 @@ class ColourHistogram:
         offsets = _offsets(grid)
         radius2 = 4 * (offsets[:, None]**2 + offsets[None, :]**2)
         weights = np.ones((grid, grid)) if kernel == 'flat' else np.maximum(0.0, 1 - radius2)
-        self._weights: NDArray[np.float64] = (weights / weights.sum()).ravel()
+        self._weights: Array = (weights / weights.sum()).ravel()
 
-    def reference(self, frame: Frame, box: NDArray[np.float64]) -> NDArray[np.float64]:
+    def reference(self, frame: Frame, box: Array) -> Array:
         """Return the normalised histogram of a box (cx, cy, width, height): shape (bins,)."""
-        histogram: NDArray[np.float64] = self.histograms(frame, box[None])[0]
+        histogram: Array = self.histograms(frame, box[None])[0]
         return histogram / max(float(histogram.sum()), 1e-12)
 
-    def coefficients(self, frame: Frame, boxes: Boxes,
-                     reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    def coefficients(self, frame: Frame, boxes: Boxes, reference: Array) -> Array:
         """Return the boxes' Bhattacharyya coefficients with a reference, shape (N,), in [0, 1]."""
         return np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
 
-    def histograms(self, frame: Frame, boxes: Boxes) -> NDArray[np.float64]:
+    def histograms(self, frame: Frame, boxes: Boxes) -> Array:
         """Return the histograms, shape (N, bins), of sum <= 1: what's outside is missing."""
         index, left, top, stride = self._bin_image(frame, boxes)
         return sampled_histograms(
@@ -77,7 +76,7 @@ def joint_bins(channels: Sequence[Frame], levels: int) -> NDArray[np.intp]:
 
 
 def sampled_histograms(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int,
-                       weights: NDArray[np.float64]) -> NDArray[np.float64]:
+                       weights: Array) -> Array:
     """
     Return the histogram of each box over an image of bin numbers, shape (N, levels).
 
@@ -93,12 +92,11 @@ def sampled_histograms(index: NDArray[np.intp], levels: int, boxes: Boxes, grid:
         counted = np.bincount(sampled.ravel(), None, size) * weights[0]
     else:
         counted = np.bincount(sampled.ravel(), np.tile(weights, count), size)
-    histograms: NDArray[np.float64] = counted.reshape(count, levels + 1)[:, :levels]
+    histograms: Array = counted.reshape(count, levels + 1)[:, :levels]
     return histograms
 
 
-def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes,
-            grid: int) -> NDArray[np.intp]:
+def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int) -> NDArray[np.intp]:
     """Return the bins at each box's points, shape (N, grid * grid); `levels` where outside."""
     offsets = _offsets(grid)
     columns = np.floor(boxes[:, :1] + boxes[:, 2:3] * offsets).astype(np.intp)
@@ -114,7 +112,7 @@ def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes,
     return sampled.reshape(len(boxes), grid * grid)
 
 
-def _offsets(grid: int) -> NDArray[np.float64]:
+def _offsets(grid: int) -> Array:
     """Return where a box's sample points are, as shares of its side from its centre."""
     return (np.arange(grid) + 0.5) / grid - 0.5
 

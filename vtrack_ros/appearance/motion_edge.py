@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.histogram import Boxes, sampled_histograms
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 
 _DIRECTIONS = 16
 #: Sample points along each side of a box, and the weight of each.
@@ -35,7 +35,7 @@ class MotionEdge:
     def __init__(self) -> None:
         self._previous: Frame | None = None
         self._codes: NDArray[np.intp] | None = None
-        self._reference: NDArray[np.float64] | None = None
+        self._reference: Array | None = None
         self._origin = (0, 0)
 
     def advance(self, frame: Frame, region: tuple[int, int, int, int]) -> None:
@@ -47,7 +47,7 @@ class MotionEdge:
             self._origin = region[:2]
         self._previous = grey
 
-    def likelihoods(self, boxes: Boxes, sigma: float) -> NDArray[np.float64]:
+    def likelihoods(self, boxes: Boxes, sigma: float) -> Array:
         """
         Return exp(-D^2 / (2 sigma^2)) for each box (centre x, centre y, width, height).
 
@@ -61,7 +61,7 @@ class MotionEdge:
         distance2 = 1 - np.sqrt(histograms) @ np.sqrt(self._reference)
         return np.exp(-distance2 / (2 * sigma**2))
 
-    def update(self, box: NDArray[np.float64]) -> None:
+    def update(self, box: Array) -> None:
         """Take the edges in a box (cx, cy, width, height) for the target's, if it moves."""
         if self._codes is None:
             return
@@ -73,7 +73,7 @@ class MotionEdge:
             self._reference = histogram
         self._reference = self._reference + _RATE * (histogram - self._reference)
 
-    def histograms(self, boxes: Boxes) -> NDArray[np.float64]:
+    def histograms(self, boxes: Boxes) -> Array:
         """Return the histograms of moving edges in boxes, shape (N, bins)."""
         assert self._codes is not None
         moved = boxes - np.array([*self._origin, 0, 0])

@@ -88,7 +88,7 @@ class SiameseNetwork:
         return self._described(Square.about(center, exemplar_side(size)), frame, EXEMPLAR)
 
     def search(self, target: Blob, frame: Frame, center: Point,
-               side: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+               side: float) -> tuple[Array, Array]:
         """
         Return where a target is in a square of a frame, centre and side in pixels.
 

@@ -17,9 +17,10 @@ import math
 import numpy as np
 
 from vtrack_ros.estimation.model import (
-    checked_array, checked_count, checked_positive, FloatArray, GaussianNoise, StateSpaceModel)
+    checked_array, checked_count, checked_positive, GaussianNoise, StateSpaceModel)
 from vtrack_ros.estimation.particles import Belief, spread_about
 from vtrack_ros.estimation.proposals import Proposal, Proposed
+from vtrack_ros.frame import Array
 
 SHORTEST_SERIES = 4
 SPREADS = ('forecast', 'predicted', 'moved')
@@ -27,8 +28,7 @@ SPREADS = ('forecast', 'predicted', 'moved')
 _LARGEST = 600.0
 
 
-def gm11_forecast(
-        series: FloatArray, steps: float = 1.0, margin: float | None = None) -> FloatArray:
+def gm11_forecast(series: Array, steps: float = 1.0, margin: float | None = None) -> Array:
     """
     Forecast each column of a series by GM(1,1) [Zhu2012, eqs 9-16].
 
@@ -154,11 +154,11 @@ class GreyProposal(Proposal):
         self.velocities = dict(velocities or {})
         self.steady = list(steady)
         #: The forecast made last, and of what: who asks before proposing asks twice.
-        self._made: tuple[Belief, float, FloatArray | None] | None = None
+        self._made: tuple[Belief, float, Array | None] | None = None
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: FloatArray | None = None,
+            measurement: Array | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         """Draw successors about g_k, and the prior's share from the transition."""
         forecast = self.forecast(belief, dt)
@@ -185,7 +185,7 @@ class GreyProposal(Proposal):
                                        log_density + math.log1p(-self.prior_share))
         return Proposed(states, log_density)
 
-    def forecast(self, belief: Belief, dt: float) -> FloatArray | None:
+    def forecast(self, belief: Belief, dt: float) -> Array | None:
         """
         Return g_k, shape (n,), or None while there are too few estimates.
 
@@ -197,7 +197,7 @@ class GreyProposal(Proposal):
             made = self._made = belief, dt, self._forecast(belief, dt)
         return made[2]
 
-    def _forecast(self, belief: Belief, dt: float) -> FloatArray | None:
+    def _forecast(self, belief: Belief, dt: float) -> Array | None:
         if len(belief.estimates) < self.window:
             return None
         rows = [estimate.tolist() for estimate in belief.estimates[-self.window:]]
@@ -218,8 +218,8 @@ class GreyProposal(Proposal):
         return np.array(forecast)
 
     def _scatter(
-            self, model: StateSpaceModel, belief: Belief, forecast: FloatArray,
-            predicted: FloatArray, dt: float) -> GaussianNoise | None:
+            self, model: StateSpaceModel, belief: Belief, forecast: Array,
+            predicted: Array, dt: float) -> GaussianNoise | None:
         """Return what is drawn about the centre, or None where numbers left the floats' range."""
         if not math.isfinite(forecast.sum()):
             return None

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.kalman import Gaussian, matrix_times
-from vtrack_ros.estimation.model import checked_array, checked_count, FloatArray, LinearModel
+from vtrack_ros.estimation.model import checked_array, checked_count, LinearModel
+from vtrack_ros.frame import Array
 
 
 class VelocityHypotheses(LinearModel):
@@ -26,19 +27,19 @@ class VelocityHypotheses(LinearModel):
         rates = checked_array('rates', 1 / np.asarray(time_constants, np.float64), (None,))
         self._hypotheses = list(zip(
             checked_array('densities', densities, rates.shape).tolist(), rates.tolist()))
-        self._step: tuple[float, FloatArray, FloatArray] | None = None
+        self._step: tuple[float, Array, Array] | None = None
         super().__init__(np.eye(d, 2 * d), np.eye(d))
 
-    def transition_matrix(self, dt: float) -> FloatArray:
+    def transition_matrix(self, dt: float) -> Array:
         return self._matrices(dt)[1]
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         return matrix_times(self.transition_matrix(dt), states)
 
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         return self._matrices(dt)[2]
 
-    def _matrices(self, dt: float) -> tuple[float, FloatArray, FloatArray]:
+    def _matrices(self, dt: float) -> tuple[float, Array, Array]:
         """Return the step, and F and Q of it; the last ones are remembered."""
         if self._step is None or self._step[0] != dt:
             rows = [_step(rate, dt) for _, rate in self._hypotheses]
@@ -46,10 +47,10 @@ class VelocityHypotheses(LinearModel):
             self._step = dt, self._blocks([row[0] for row in rows]), self._blocks(noise)
         return self._step
 
-    def _blocks(self, rows: list[list[float]]) -> FloatArray:
+    def _blocks(self, rows: list[list[float]]) -> Array:
         """Return matrices (K, 2d, 2d) of four blocks, each a multiple of the identity."""
         d = self.positions
-        blocks: FloatArray = np.einsum('kab,ij->kaibj', np.reshape(rows, (-1, 2, 2)), np.eye(d))
+        blocks: Array = np.einsum('kab,ij->kaibj', np.reshape(rows, (-1, 2, 2)), np.eye(d))
         return blocks.reshape(len(rows), 2 * d, 2 * d)
 
 
@@ -66,14 +67,13 @@ def _step(rate: float, dt: float) -> tuple[list[float], list[float]]:
     return [1.0, way, 0.0, kept], [places, way**2 / 2, way**2 / 2, speeds]
 
 
-def switching(count: int, dt: float, time_constant: float) -> FloatArray:
+def switching(count: int, dt: float, time_constant: float) -> Array:
     """Return the probabilities (K, K) that a hypothesis gives way to another within `dt`."""
     stay = math.exp(-dt / time_constant)
     return stay * np.eye(count) + (1 - stay) / count
 
 
-def mix(beliefs: Gaussian, weights: FloatArray,
-        transition: FloatArray) -> tuple[Gaussian, FloatArray]:
+def mix(beliefs: Gaussian, weights: Array, transition: Array) -> tuple[Gaussian, Array]:
     """
     Let hypotheses give way to each other before a step: the interaction [Blom1988].
 
@@ -89,7 +89,7 @@ def mix(beliefs: Gaussian, weights: FloatArray,
     return Gaussian(mean, covariance), predicted
 
 
-def moments(beliefs: Gaussian, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+def moments(beliefs: Gaussian, weights: Array) -> tuple[Array, Array]:
     """Return mean (n,) and covariance (n, n) of a mixture of beliefs with weights (K,)."""
     mean = weights @ beliefs.mean
     offset = beliefs.mean - mean
@@ -98,7 +98,7 @@ def moments(beliefs: Gaussian, weights: FloatArray) -> tuple[FloatArray, FloatAr
     return mean, covariance
 
 
-def _weighted(weights: FloatArray, matrices: FloatArray) -> FloatArray:
+def _weighted(weights: Array, matrices: Array) -> Array:
     """Return sums (..., n, n) of matrices (K, n, n) with weights (..., K)."""
-    sums: FloatArray = weights @ matrices.reshape(len(matrices), -1)
+    sums: Array = weights @ matrices.reshape(len(matrices), -1)
     return sums.reshape(*weights.shape[:-1], *matrices.shape[1:])

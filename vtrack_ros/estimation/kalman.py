@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.model import (
-    checked_array, checked_covariance, FloatArray, GaussianNoise, LinearModel, StateSpaceModel)
+    checked_array, checked_covariance, GaussianNoise, LinearModel, StateSpaceModel)
+from vtrack_ros.frame import Array
 
 #: How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded.
 _BLOCK = 16384
@@ -21,8 +22,8 @@ _BLOCK = 16384
 class Gaussian:
     """N Gaussian beliefs, side by side: means (N, n), symmetric covariances (N, n, n)."""
 
-    mean: FloatArray
-    covariance: FloatArray
+    mean: Array
+    covariance: Array
 
     def __post_init__(self) -> None:
         """Check the shapes; definiteness is checked where beliefs come in, not at every step."""
@@ -61,7 +62,7 @@ class Correction:
     """The beliefs after a measurement, and its log-density as each predicted it, shape (N,)."""
 
     posterior: Gaussian
-    log_evidence: FloatArray
+    log_evidence: Array
 
 
 class GaussianFilter(ABC):
@@ -86,7 +87,7 @@ class GaussianFilter(ABC):
         return Gaussian(mean, covariance)
 
     def update(
-            self, prior: Gaussian, measurement: FloatArray, time: float = 0.0,
+            self, prior: Gaussian, measurement: Array, time: float = 0.0,
             error: GaussianNoise | None = None) -> Correction:
         """Return the beliefs after a measurement (m,) at `time`, with R or its own error."""
         self._check(prior)
@@ -103,14 +104,14 @@ class GaussianFilter(ABC):
 
     @abstractmethod
     def _predict(
-            self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,
-            ) -> tuple[FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, dt: float, time: float,
+            ) -> tuple[Array, Array]:
         """Return mean and covariance after the step, of one block."""
 
     @abstractmethod
     def _update(
-            self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
-            error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, measurement: Array, time: float,
+            error: GaussianNoise) -> tuple[Array, Array, Array]:
         """Return mean, covariance and log-evidence after the measurement, of one block."""
 
     def _numbers(self) -> int:
@@ -129,8 +130,8 @@ class GaussianFilter(ABC):
                              f'the model of {self.model.state_dimension}')
 
     def _propagate(
-            self, mean: FloatArray, covariance: FloatArray, matrix: FloatArray, dt: float,
-            time: float) -> tuple[FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, matrix: Array, dt: float,
+            time: float) -> tuple[Array, Array]:
         """Predict by a transition matrix, shape (n, n) or (N, n, n)."""
         predicted = matrix @ covariance @ matrix.swapaxes(-1, -2)
         predicted += self.model.process_noise(dt)
@@ -141,8 +142,8 @@ class ExtendedKalmanFilter(GaussianFilter):
     """The extended Kalman filter: transition and measurement linearised at the mean."""
 
     def _predict(
-            self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,
-            ) -> tuple[FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, dt: float, time: float,
+            ) -> tuple[Array, Array]:
         matrix = self.model.transition_matrix(dt)
         if matrix is None:
             matrix = self.model.transition_jacobian(mean, dt, time)
@@ -152,8 +153,8 @@ class ExtendedKalmanFilter(GaussianFilter):
         return self._propagate(mean, covariance, matrix, dt, time)
 
     def _update(
-            self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
-            error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, measurement: Array, time: float,
+            error: GaussianNoise) -> tuple[Array, Array, Array]:
         jacobian = self.model.measurement_jacobian(mean, time)
         if jacobian is None:
             jacobian = central_differences(
@@ -179,9 +180,7 @@ class KalmanFilter(ExtendedKalmanFilter):
         super().__init__(model)
 
 
-def innovate(
-        cross: FloatArray, innovation_covariance: FloatArray, residual: FloatArray,
-        ) -> tuple[FloatArray, FloatArray]:
+def innovate(cross: Array, innovation_covariance: Array, residual: Array) -> tuple[Array, Array]:
     """
     Return the gains `cross S^-1`, shape (N, n, m), and log-densities of N innovations.
 
@@ -198,12 +197,12 @@ def innovate(
         gain = cross @ inverse
         distance = np.einsum('ni,nij,nj->n', residual, inverse, residual)
         log_determinant = np.linalg.slogdet(innovation_covariance)[1]
-    log_density: FloatArray = -0.5 * (
+    log_density: Array = -0.5 * (
         distance + log_determinant + dimension * math.log(2 * math.pi))
     return gain, log_density
 
 
-def covariance_factors(covariance: FloatArray) -> FloatArray:
+def covariance_factors(covariance: Array) -> Array:
     """
     Return lower triangular L with `L L^T = covariance`, for symmetric matrices (..., n, n).
 
@@ -221,8 +220,8 @@ def covariance_factors(covariance: FloatArray) -> FloatArray:
 
 
 def central_differences(
-        function: Callable[[FloatArray], FloatArray], states: FloatArray,
-        subtract: Callable[[FloatArray, FloatArray], FloatArray] = np.subtract) -> FloatArray:
+        function: Callable[[Array], Array], states: Array,
+        subtract: Callable[[Array, Array], Array] = np.subtract) -> Array:
     """Return the derivative of a function (N, n) -> (N, m) at each state, shape (N, m, n)."""
     columns = []
     for component in range(states.shape[1]):
@@ -235,11 +234,11 @@ def central_differences(
     return np.stack(columns, axis=2)
 
 
-def matrix_times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+def matrix_times(matrices: Array, vectors: Array) -> Array:
     """Return the product of each matrix with its vector."""
     return (matrices @ vectors[:, :, np.newaxis])[:, :, 0]
 
 
-def symmetrised(matrices: FloatArray) -> FloatArray:
+def symmetrised(matrices: Array) -> Array:
     """Return the matrices with rounding's asymmetry averaged out."""
     return 0.5 * (matrices + matrices.swapaxes(1, 2))

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 import math
 from numbers import Real
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray: TypeAlias = NDArray[np.float64]
+from vtrack_ros.frame import Array
 
 
-def checked_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+def checked_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """Return finite floats of a given shape, None being any length; else raise ValueError."""
     array = np.asarray(value, dtype=np.float64)
     if array.ndim != len(shape) or any(
@@ -27,7 +26,7 @@ def checked_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) ->
     return array
 
 
-def checked_covariance(name: str, value: ArrayLike, dimension: int) -> FloatArray:
+def checked_covariance(name: str, value: ArrayLike, dimension: int) -> Array:
     """Return a symmetric positive definite matrix, shape (n, n); else raise ValueError."""
     matrix = checked_array(name, value, (dimension, dimension))
     scale = np.abs(matrix).max(initial=0.0)
@@ -55,11 +54,11 @@ def checked_positive(name: str, value: float) -> float:
 class GaussianNoise:
     """A zero-mean Gaussian error, with the factor L of its covariance `L L^T`, (n, n) both."""
 
-    covariance: FloatArray
-    factor: FloatArray
+    covariance: Array
+    factor: Array
 
     @classmethod
-    def from_covariance(cls, covariance: FloatArray, name: str = 'covariance') -> GaussianNoise:
+    def from_covariance(cls, covariance: Array, name: str = 'covariance') -> GaussianNoise:
         """Factorise a covariance, shape (n, n); ValueError where it isn't positive definite."""
         try:
             return cls(covariance, np.linalg.cholesky(covariance))
@@ -67,7 +66,7 @@ class GaussianNoise:
             raise ValueError(f'{name} must be positive definite') from None
 
     @cached_property
-    def whitener(self) -> FloatArray:
+    def whitener(self) -> Array:
         """Return the inverse of the factor, shape (n, n)."""
         return np.linalg.inv(self.factor)
 
@@ -77,14 +76,14 @@ class GaussianNoise:
         return (-len(self.factor) / 2 * math.log(2 * math.pi)
                 - float(np.log(self.factor.diagonal()).sum()))
 
-    def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
+    def sample(self, count: int, rng: np.random.Generator) -> Array:
         """Draw `count` errors, shape (count, n)."""
         return rng.standard_normal((count, len(self.factor))) @ self.factor.T
 
-    def log_density(self, errors: FloatArray) -> FloatArray:
+    def log_density(self, errors: Array) -> Array:
         """Return the log-density of errors of shape (N, n), shape (N,)."""
         white = errors @ self.whitener.T
-        density: FloatArray = np.einsum('ij,ij->i', white, white)
+        density: Array = np.einsum('ij,ij->i', white, white)
         density *= -0.5
         density += self.log_normaliser
         return density
@@ -121,23 +120,23 @@ class StateSpaceModel(ABC):
         self._process_error: tuple[float, GaussianNoise] | None = None
 
     @abstractmethod
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         """Return the expected states after `dt`, shape (N, n)."""
 
     @abstractmethod
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         """Return the covariance of the process noise of a step of `dt`, shape (n, n)."""
 
     @abstractmethod
-    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measure(self, states: Array, time: float = 0.0) -> Array:
         """Return the error-free measurements of states, shape (N, m)."""
 
-    def transition_matrix(self, dt: float) -> FloatArray | None:
+    def transition_matrix(self, dt: float) -> Array | None:
         """Return F, shape (n, n), where the transition is linear up to a constant; else None."""
         return None
 
     @property
-    def measurement_noise(self) -> FloatArray:
+    def measurement_noise(self) -> Array:
         """Return the covariance of the measurement's error, shape (m, m)."""
         return self.measurement_error.covariance
 
@@ -147,45 +146,44 @@ class StateSpaceModel(ABC):
             self._process_error = dt, GaussianNoise.from_covariance(self.process_noise(dt))
         return self._process_error[1]
 
-    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> FloatArray:
+    def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> Array:
         """Draw the process noise of `count` steps of `dt`, shape (count, n)."""
         return self.process_error(dt).sample(count, rng)
 
-    def log_noise_density(self, noise: FloatArray, dt: float) -> FloatArray:
+    def log_noise_density(self, noise: Array, dt: float) -> Array:
         """Return the log-density of the process noise of a step of `dt`, shape (N,)."""
         return self.process_error(dt).log_density(noise)
 
     def sample_transition(
-            self, states: FloatArray, dt: float, rng: np.random.Generator,
-            time: float = 0.0) -> FloatArray:
+            self, states: Array, dt: float, rng: np.random.Generator,
+            time: float = 0.0) -> Array:
         """Draw a successor of each state, shape (N, n)."""
         successors = self.sample_noise(len(states), dt, rng)
         successors += self.transition(states, dt, time)
         return successors
 
     def log_transition(
-            self, states: FloatArray, previous: FloatArray, dt: float,
-            time: float = 0.0) -> FloatArray:
+            self, states: Array, previous: Array, dt: float,
+            time: float = 0.0) -> Array:
         """Return log p(states[i] | previous[i]), shape (N,)."""
         return self.log_noise_density(states - self.transition(previous, dt, time), dt)
 
-    def residual(self, measurements: FloatArray, predicted: FloatArray) -> FloatArray:
+    def residual(self, measurements: Array, predicted: Array) -> Array:
         """Return measurement minus prediction, shape (..., m); override where angles wrap."""
         return measurements - predicted
 
     def log_likelihood(
-            self, states: FloatArray, measurement: FloatArray, time: float = 0.0,
-            error: GaussianNoise | None = None) -> FloatArray:
+            self, states: Array, measurement: Array, time: float = 0.0,
+            error: GaussianNoise | None = None) -> Array:
         """Return log p(measurement | states[i]), shape (N,), with an error of its own or R."""
         residual = self.residual(measurement, self.measure(states, time))
         return (error or self.measurement_error).log_density(residual)
 
-    def transition_jacobian(
-            self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray | None:
+    def transition_jacobian(self, states: Array, dt: float, time: float = 0.0) -> Array | None:
         """Return the derivative of f, shape (N, n, n), or None: by central differences then."""
         return None
 
-    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray | None:
+    def measurement_jacobian(self, states: Array, time: float = 0.0) -> Array | None:
         """Return the derivative of h, shape (N, m, n), or None: by central differences then."""
         return None
 
@@ -203,16 +201,16 @@ class LinearModel(StateSpaceModel):
         self.measured_components = tuple(int(i) for i in np.flatnonzero(matrix.any(axis=0)))
 
     @abstractmethod
-    def transition_matrix(self, dt: float) -> FloatArray:
+    def transition_matrix(self, dt: float) -> Array:
         """Return F of `x_k = F x_{k-1} + c + v`, shape (n, n)."""
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         return states @ self.transition_matrix(dt).T
 
-    def measure(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measure(self, states: Array, time: float = 0.0) -> Array:
         return states @ self.measurement_matrix.T
 
-    def measurement_jacobian(self, states: FloatArray, time: float = 0.0) -> FloatArray:
+    def measurement_jacobian(self, states: Array, time: float = 0.0) -> Array:
         """Return H for each state, shape (N, m, n)."""
         matrix = self.measurement_matrix
         return np.broadcast_to(matrix, (len(states), *matrix.shape))
@@ -250,19 +248,19 @@ class ConstantVelocity(LinearModel):
         matrix[positions:, 2 * positions:] = np.eye(len(noise) - positions, wandering)
         super().__init__(matrix, noise)
 
-    def transition_matrix(self, dt: float) -> FloatArray:
+    def transition_matrix(self, dt: float) -> Array:
         d = self.positions
         matrix = np.eye(self.state_dimension)
         matrix[:d, d:2 * d] = dt * np.eye(d)
         return matrix
 
-    def transition(self, states: FloatArray, dt: float, time: float = 0.0) -> FloatArray:
+    def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
         d = self.positions
         expected = states.copy()
         expected[:, :d] += dt * states[:, d:2 * d]
         return expected
 
-    def process_noise(self, dt: float) -> FloatArray:
+    def process_noise(self, dt: float) -> Array:
         d = self.positions
         noise = np.diag(np.full(self.state_dimension, self.wander_density * dt))
         eye = self.acceleration_density * np.eye(d)

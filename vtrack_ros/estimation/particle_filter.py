@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from vtrack_ros.estimation.model import (
-    checked_array, checked_count, checked_covariance, FloatArray, GaussianNoise, StateSpaceModel)
+    checked_array, checked_count, checked_covariance, GaussianNoise, StateSpaceModel)
 from vtrack_ros.estimation.particles import Belief, systematic, Weights
 from vtrack_ros.estimation.proposals import PriorProposal, Proposal, Proposed
+from vtrack_ros.frame import Array
 
-LogLikelihood: TypeAlias = Callable[[FloatArray], FloatArray]
+LogLikelihood: TypeAlias = Callable[[Array], Array]
 
 WEIGHTINGS = ('full', 'simplified')
 
@@ -95,7 +96,7 @@ class ParticleFilter:
             picked = self._rng.choice(len(belief), count, p=belief.weights.values)
             self.set_particles(belief.states[picked])
 
-    def set_particles(self, states: ArrayLike, log_weights: FloatArray | None = None) -> Belief:
+    def set_particles(self, states: ArrayLike, log_weights: Array | None = None) -> Belief:
         """
         Put particles where the caller knows better; time and past estimates are kept.
 
@@ -157,9 +158,7 @@ class ParticleFilter:
         return self.proposal.propose(
             self.model, self.belief, dt, self._rng, measurement, error)
 
-    def weight(
-            self, proposed: Proposed, log_likelihood: FloatArray | None,
-            dt: float = 1.0) -> Belief:
+    def weight(self, proposed: Proposed, log_likelihood: Array | None, dt: float = 1.0) -> Belief:
         """
         Weight proposed particles and take them over; return the belief before resampling.
 
@@ -184,7 +183,7 @@ class ParticleFilter:
         self._belief = self._resampled(posterior) if resample else posterior
         return posterior
 
-    def _log_weights(self, proposed: Proposed, belief: Belief, dt: float) -> FloatArray:
+    def _log_weights(self, proposed: Proposed, belief: Belief, dt: float) -> Array:
         """Return the log-weights without the likelihood, shape (N,)."""
         previous = belief.weights.logarithms
         if proposed.log_density is None or self.weighting == 'simplified':
@@ -201,23 +200,23 @@ class ParticleFilter:
             belief, states=belief.states[indices], weights=Weights.uniform(self.particles),
             covariances=None if covariances is None else covariances[indices])
 
-    def _copies(self, covariance: FloatArray) -> FloatArray | None:
+    def _copies(self, covariance: Array) -> Array | None:
         """Return a copy of the covariance for each particle, where the proposal keeps them."""
         if not self.proposal.keeps_covariances:
             return None
         return np.tile(covariance, (self.particles, 1, 1))
 
     def _remembered(
-            self, estimates: tuple[FloatArray, ...], times: tuple[float, ...],
-            mean: FloatArray, time: float,
-            ) -> tuple[tuple[FloatArray, ...], tuple[float, ...]]:
+            self, estimates: tuple[Array, ...], times: tuple[float, ...],
+            mean: Array, time: float,
+            ) -> tuple[tuple[Array, ...], tuple[float, ...]]:
         """Return the past estimates with one more, no more than the proposal uses."""
         window = self.proposal.window
         if not window:
             return (), ()
         return (*estimates, mean)[-window:], (*times, time)[-window:]
 
-    def _checked_states(self, states: ArrayLike) -> FloatArray:
+    def _checked_states(self, states: ArrayLike) -> Array:
         """Return states of the model's dimension, at least one."""
         checked = checked_array('states', states, (None, self.model.state_dimension))
         if not len(checked):

@@ -9,7 +9,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.estimation.model import checked_count, FloatArray
+from vtrack_ros.estimation.model import checked_count
+from vtrack_ros.frame import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,13 +23,13 @@ class Weights:
     these are the fallback.
     """
 
-    values: FloatArray
-    logarithms: FloatArray
+    values: Array
+    logarithms: Array
     log_evidence: float = 0.0
     recovered: bool = False
 
     @classmethod
-    def from_log(cls, log_weights: FloatArray, fallback: Weights | None = None) -> Weights:
+    def from_log(cls, log_weights: Array, fallback: Weights | None = None) -> Weights:
         """
         Normalise log-weights, whatever their size; the result is never NaN.
 
@@ -84,11 +85,11 @@ class Belief:
     proposal's window.
     """
 
-    states: FloatArray
+    states: Array
     weights: Weights
     time: float = 0.0
-    covariances: FloatArray | None = None
-    estimates: tuple[FloatArray, ...] = ()
+    covariances: Array | None = None
+    estimates: tuple[Array, ...] = ()
     estimate_times: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -109,23 +110,23 @@ class Belief:
         return len(self.states)
 
     @cached_property
-    def mean(self) -> FloatArray:
+    def mean(self) -> Array:
         """Return the weighted mean, shape (n,) [Zhu2012, eq. 6]."""
         return self.weights.values @ self.states
 
     @cached_property
-    def covariance(self) -> FloatArray:
+    def covariance(self) -> Array:
         """Return the weighted covariance about the mean, shape (n, n) [Zhu2012, eq. 7]."""
         return spread_about(self.mean, self.states, self.weights.values)
 
 
-def spread_about(centre: FloatArray, states: FloatArray, weights: FloatArray) -> FloatArray:
+def spread_about(centre: Array, states: Array, weights: Array) -> Array:
     """Return `sum_i w_i (x_i - c)(x_i - c)^T` of (N, n) states about c, shape (n, n)."""
     deviation = states - centre
     return (deviation.T * weights) @ deviation
 
 
-def systematic(weights: FloatArray, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """
     Resample with one uniform number: the points (j + u) / count on the cumulated weights.
 

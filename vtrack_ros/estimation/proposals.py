@@ -8,8 +8,9 @@ import numpy as np
 
 from vtrack_ros.estimation.kalman import (
     covariance_factors, Gaussian, GaussianFilter, matrix_times)
-from vtrack_ros.estimation.model import FloatArray, GaussianNoise, StateSpaceModel
+from vtrack_ros.estimation.model import GaussianNoise, StateSpaceModel
 from vtrack_ros.estimation.particles import Belief
+from vtrack_ros.frame import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,9 +22,9 @@ class Proposed:
     in the weight. Covariances (N, n, n) are those that each particle's filter keeps.
     """
 
-    states: FloatArray
-    log_density: FloatArray | None = None
-    covariances: FloatArray | None = None
+    states: Array
+    log_density: Array | None = None
+    covariances: Array | None = None
 
 
 class Proposal(ABC):
@@ -42,7 +43,7 @@ class Proposal(ABC):
     @abstractmethod
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: FloatArray | None = None,
+            measurement: Array | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         """
         Draw one successor for each particle of the belief of before the step.
@@ -57,7 +58,7 @@ class PriorProposal(Proposal):
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: FloatArray | None = None,
+            measurement: Array | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
 
@@ -102,7 +103,7 @@ class GaussianFilterProposal(Proposal):
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: FloatArray | None = None,
+            measurement: Array | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         count, dimension = belief.states.shape
         covariances = np.empty((count, dimension, dimension)) if self.keeps_covariances else None

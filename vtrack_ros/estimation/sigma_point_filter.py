@@ -6,8 +6,9 @@ import numpy as np
 
 from vtrack_ros.estimation.kalman import (
     covariance_factors, GaussianFilter, innovate, matrix_times, symmetrised)
-from vtrack_ros.estimation.model import FloatArray, GaussianNoise, StateSpaceModel
+from vtrack_ros.estimation.model import GaussianNoise, StateSpaceModel
 from vtrack_ros.estimation.sigma_points import RuleFactory
+from vtrack_ros.frame import Array
 
 
 class SigmaPointFilter(GaussianFilter):
@@ -57,8 +58,8 @@ class SigmaPointFilter(GaussianFilter):
         return max(points * self.model.state_dimension, super()._numbers())
 
     def _predict(
-            self, mean: FloatArray, covariance: FloatArray, dt: float, time: float,
-            ) -> tuple[FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, dt: float, time: float,
+            ) -> tuple[Array, Array]:
         matrix = self.model.transition_matrix(dt)
         if matrix is not None:
             return self._propagate(mean, covariance, matrix, dt, time)
@@ -74,8 +75,8 @@ class SigmaPointFilter(GaussianFilter):
         return predicted, symmetrised(spread)
 
     def _update(
-            self, mean: FloatArray, covariance: FloatArray, measurement: FloatArray, time: float,
-            error: GaussianNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+            self, mean: Array, covariance: Array, measurement: Array, time: float,
+            error: GaussianNoise) -> tuple[Array, Array, Array]:
         rule, model = self.update_rule, self.model
         factor = self._factors(covariance)
         leading = factor[:, :, :rule.dimension]
@@ -103,7 +104,7 @@ class SigmaPointFilter(GaussianFilter):
         posterior += gain @ (remainder + error.covariance) @ gain.swapaxes(1, 2)
         return mean + matrix_times(gain, residual), symmetrised(posterior), log_evidence
 
-    def _factors(self, covariance: FloatArray) -> FloatArray:
+    def _factors(self, covariance: Array) -> Array:
         """Return factors whose leading columns alone move the measured components."""
         order = self._order
         if order is None:
@@ -114,8 +115,8 @@ class SigmaPointFilter(GaussianFilter):
 
     @staticmethod
     def _at_points(
-            function: Callable[[FloatArray], FloatArray], standard: FloatArray, mean: FloatArray,
-            factor: FloatArray) -> FloatArray:
+            function: Callable[[Array], Array], standard: Array, mean: Array,
+            factor: Array) -> Array:
         """Return a function's values at each belief's sigma points, shape (N, points, ...)."""
         points = standard @ factor.swapaxes(1, 2)
         points += mean[:, np.newaxis]

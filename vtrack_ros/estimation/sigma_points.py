@@ -13,7 +13,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.estimation.model import checked_count, checked_positive, FloatArray
+from vtrack_ros.estimation.model import checked_count, checked_positive
+from vtrack_ros.frame import Array
 
 #: Points that a product rule may have; more would only fill the memory.
 MOST_POINTS = 1_000_000
@@ -23,9 +24,9 @@ MOST_POINTS = 1_000_000
 class SigmaPointRule:
     """Points (m, n) for N(0, I), and weights (m,) of means, with sum one, and covariances."""
 
-    points: FloatArray
-    mean_weights: FloatArray
-    covariance_weights: FloatArray
+    points: Array
+    mean_weights: Array
+    covariance_weights: Array
 
     @property
     def dimension(self) -> int:
@@ -89,7 +90,7 @@ def gauss_hermite(dimension: int, order: int = 3) -> SigmaPointRule:
     return SigmaPointRule(points, products, products)
 
 
-def hermite_nodes(order: int) -> tuple[FloatArray, FloatArray]:
+def hermite_nodes(order: int) -> tuple[Array, Array]:
     """Return nodes, ascending, and weights of the Gauss-Hermite rule for N(0, 1)."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(order)
     return nodes, weights / weights.sum()
@@ -158,7 +159,7 @@ def pruned_gauss_hermite(
     return SigmaPointRule(points, weights, weights)
 
 
-def _regrouped(rule: SigmaPointRule, kept: NDArray[np.bool_]) -> FloatArray:
+def _regrouped(rule: SigmaPointRule, kept: NDArray[np.bool_]) -> Array:
     """Return the points that take the place of those not kept [Qi2012, eqs 21 and 22]."""
     anchors, anchor_weights = rule.points[kept], rule.mean_weights[kept]
     replaced = []

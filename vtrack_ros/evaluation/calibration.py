@@ -6,8 +6,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vtrack_ros.evaluation.metrics import (
-    BoolArray, center_offsets, FloatArray, off_target, on_target)
+from vtrack_ros.evaluation.metrics import BoolArray, center_offsets, off_target, on_target
+from vtrack_ros.frame import Array
 
 
 def auroc(positive: ArrayLike, negative: ArrayLike) -> float:
@@ -42,7 +42,7 @@ class Losses:
     delays: tuple[int, ...]
 
 
-def losses(overlap: FloatArray, reported: BoolArray) -> Losses:
+def losses(overlap: Array, reported: BoolArray) -> Losses:
     """Return the losses, given for each frame whether the tracker said that it lost the target."""
     on, off = on_target(overlap), off_target(overlap)
     count, began = 0, -1
@@ -59,7 +59,7 @@ def losses(overlap: FloatArray, reported: BoolArray) -> Losses:
     return Losses(count, tuple(delays))
 
 
-def return_delays(overlap: FloatArray) -> tuple[float, ...]:
+def return_delays(overlap: Array) -> tuple[float, ...]:
     """
     Return, for each absence of the target that ended, the frames from its return until on target.
 
@@ -85,7 +85,7 @@ def return_delays(overlap: FloatArray) -> tuple[float, ...]:
 
 
 def inside_ellipse(boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
-                   probability: float) -> FloatArray:
+                   probability: float) -> Array:
     """
     Return 1 where the true centre is inside the ellipse of the covariance, 0 where it's outside.
 
@@ -104,6 +104,6 @@ def inside_ellipse(boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
     # Multiplied by the determinant, so that a singular covariance divides nothing.
     distance = yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy
     inside = (determinant > 0) & (distance <= -2 * math.log1p(-probability) * determinant)
-    result: FloatArray = inside.astype(np.float64)
+    result: Array = inside.astype(np.float64)
     result[~(np.isfinite(distance) & np.isfinite(determinant))] = np.nan
     return result

@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.colors import hsv_to_rgb, TABLEAU_COLORS, to_hex
 from matplotlib.figure import Figure
-import numpy as np
-from numpy.typing import NDArray
+
+from vtrack_ros.frame import Array
 
 _STYLE: Any = {
     'svg.fonttype': 'none', 'svg.hashsalt': 'vtrack', 'font.size': 11, 'axes.facecolor': 'none',
@@ -27,8 +27,8 @@ class Curve:
 
     label: str
     color: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: Array
+    y: Array
 
 
 def colour(index: int) -> str:

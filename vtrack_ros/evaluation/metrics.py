@@ -13,30 +13,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 #: The thresholds of the success plot, [intersection over union].
-OVERLAP_THRESHOLDS: FloatArray = np.linspace(0.0, 1.0, 21)
+OVERLAP_THRESHOLDS: Array = np.linspace(0.0, 1.0, 21)
 #: The thresholds of the precision plot, [px].
-PRECISION_THRESHOLDS: FloatArray = np.arange(51.0)
+PRECISION_THRESHOLDS: Array = np.arange(51.0)
 #: The thresholds of the normalised precision plot, in sizes of the target.
-NORMALISED_THRESHOLDS: FloatArray = np.linspace(0.0, 0.5, 51)
+NORMALISED_THRESHOLDS: Array = np.linspace(0.0, 0.5, 51)
 #: An overlap above this is on the target.
 ON_TARGET = 0.5
 #: An overlap below this is off the target.
 OFF_TARGET = 0.1
 
 
-def truth_rows(boxes: Iterable[Box | None]) -> FloatArray:
+def truth_rows(boxes: Iterable[Box | None]) -> Array:
     """Return boxes as rows of an array, NaN for None."""
     rows = [np.full(4, np.nan) if box is None else box.as_array() for box in boxes]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
-def checked_boxes(boxes: ArrayLike, name: str = 'boxes') -> FloatArray:
+def checked_boxes(boxes: ArrayLike, name: str = 'boxes') -> Array:
     """Return boxes as an array of shape (n, 4); ValueError if the shape is another one."""
     array = np.asarray(boxes, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 4:
@@ -51,7 +51,7 @@ def present(truth: ArrayLike) -> BoolArray:
         return np.isfinite(boxes).all(axis=1) & (boxes[:, 2] > 0) & (boxes[:, 3] > 0)
 
 
-def overlaps(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
+def overlaps(boxes: ArrayLike, truth: ArrayLike) -> Array:
     """Return the intersection over union of each box with its truth; NaN where that is absent."""
     a, b = _pair(boxes, truth)
     extent = (np.minimum(a[:, :2] + a[:, 2:], b[:, :2] + b[:, 2:])
@@ -64,51 +64,51 @@ def overlaps(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
     return result
 
 
-def center_offsets(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
+def center_offsets(boxes: ArrayLike, truth: ArrayLike) -> Array:
     """Return centre minus true centre, shape (n, 2), in pixels; NaN where the truth is absent."""
     a, b = _pair(boxes, truth)
-    offset: FloatArray = (a[:, :2] + a[:, 2:] / 2) - (b[:, :2] + b[:, 2:] / 2)
+    offset: Array = (a[:, :2] + a[:, 2:] / 2) - (b[:, :2] + b[:, 2:] / 2)
     offset[~present(b)] = np.nan
     return offset
 
 
-def center_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
+def center_errors(boxes: ArrayLike, truth: ArrayLike) -> Array:
     """Return the distance of the centres in pixels; NaN where the truth is absent."""
     offset = center_offsets(boxes, truth)
     return np.hypot(offset[:, 0], offset[:, 1])
 
 
-def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> FloatArray:
+def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> Array:
     """Return the distance of the centres in sizes of the truth [Fan2019]; NaN where absent."""
     size = checked_boxes(truth, 'truth')[:, 2:]
     there = present(truth)
     scaled = np.full(size.shape, np.nan)
     scaled[there] = center_offsets(boxes, truth)[there] / size[there]
-    result: FloatArray = np.hypot(scaled[:, 0], scaled[:, 1])
+    result: Array = np.hypot(scaled[:, 0], scaled[:, 1])
     return result
 
 
-def success_curve(overlap: FloatArray) -> FloatArray:
+def success_curve(overlap: Array) -> Array:
     """Return the share of frames whose overlap is above each of `OVERLAP_THRESHOLDS`."""
     return _share(overlap, np.greater, OVERLAP_THRESHOLDS)
 
 
-def success_auc(overlap: FloatArray) -> float:
+def success_auc(overlap: Array) -> float:
     """Return the area under the success curve: the mean over its 21 thresholds [Wu2013]."""
     return float(success_curve(overlap).mean())
 
 
-def precision_curve(error: FloatArray) -> FloatArray:
+def precision_curve(error: Array) -> Array:
     """Return the share of frames whose centre error is within `PRECISION_THRESHOLDS`."""
     return _share(error, np.less_equal, PRECISION_THRESHOLDS)
 
 
-def precision_at(error: FloatArray, threshold: float = 20.0) -> float:
+def precision_at(error: Array, threshold: float = 20.0) -> float:
     """Return the share of frames whose centre error is within `threshold` pixels."""
     return float(_share(error, np.less_equal, np.array([threshold]))[0])
 
 
-def normalised_precision(normalised: FloatArray) -> float:
+def normalised_precision(normalised: Array) -> float:
     """Return the area under the normalised precision curve, the mean over 0 to 0.5 [Fan2019]."""
     return float(_share(normalised, np.less_equal, NORMALISED_THRESHOLDS).mean())
 
@@ -128,7 +128,7 @@ class Failures:
     recoveries: tuple[int, ...]
 
 
-def failures(overlap: FloatArray) -> Failures:
+def failures(overlap: Array) -> Failures:
     """Return the failures of a sequence from its overlaps."""
     count, length = 0, 0
     recoveries = []
@@ -143,12 +143,12 @@ def failures(overlap: FloatArray) -> Failures:
     return Failures(count, tuple(recoveries))
 
 
-def on_target(overlap: FloatArray) -> BoolArray:
+def on_target(overlap: Array) -> BoolArray:
     """Return where the box is on the target."""
     return np.nan_to_num(overlap, nan=0.0) > ON_TARGET
 
 
-def off_target(overlap: FloatArray) -> BoolArray:
+def off_target(overlap: Array) -> BoolArray:
     """Return where the box is off the target, or the target absent."""
     return np.nan_to_num(overlap, nan=0.0) < OFF_TARGET
 
@@ -160,17 +160,17 @@ def stretches(mask: BoolArray) -> list[tuple[int, int]]:
         np.flatnonzero(edges == 1), np.flatnonzero(edges == -1))]
 
 
-def _pair(boxes: ArrayLike, truth: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def _pair(boxes: ArrayLike, truth: ArrayLike) -> tuple[Array, Array]:
     a, b = checked_boxes(boxes), checked_boxes(truth, 'truth')
     if a.shape != b.shape:
         raise ValueError(f'{len(a)} boxes but {len(b)} rows of truth')
     return a, b
 
 
-def _share(values: FloatArray, compare: np.ufunc, thresholds: FloatArray) -> FloatArray:
+def _share(values: Array, compare: np.ufunc, thresholds: Array) -> Array:
     """Return the share of the finite values that compare so with each threshold."""
     valid = values[np.isfinite(values)]
     if not len(valid):
         return np.full(len(thresholds), np.nan)
-    share: FloatArray = compare(valid[:, None], thresholds).mean(axis=0)
+    share: Array = compare(valid[:, None], thresholds).mean(axis=0)
     return share

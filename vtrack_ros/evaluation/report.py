@@ -11,7 +11,6 @@ from typing import Any
 import cv2
 from jinja2 import Environment, StrictUndefined
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.evaluation import metrics
 from vtrack_ros.evaluation.charts import bar_chart, colour, Curve, line_chart
@@ -23,7 +22,7 @@ from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.evaluation.stress_report import stress_section
 from vtrack_ros.evaluation.stress_results import StressResults
 from vtrack_ros.evaluation.table import number_text, ranked
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 
 #: What is better for a figure: its largest value or its smallest; the others aren't compared.
 _BEST: dict[str, Callable[[list[float]], float]] = {
@@ -56,7 +55,7 @@ class WorstFrame:
 
 
 def worst_frames(
-        runs: Mapping[str, Run], truth: NDArray[np.float64], limit: int = 3,
+        runs: Mapping[str, Run], truth: Array, limit: int = 3,
         apart: int = 8) -> list[WorstFrame]:
     """
     Return the worst frames of a sequence's runs, at most `limit`, in the order of time.
@@ -79,7 +78,7 @@ def worst_frames(
     return sorted(chosen, key=lambda frame: frame.index)
 
 
-def _candidates(overlap: NDArray[np.float64]) -> list[int]:
+def _candidates(overlap: Array) -> list[int]:
     known = np.nan_to_num(overlap, nan=1.0)
     losses = sorted(metrics.stretches(known < metrics.OFF_TARGET),
                     key=lambda stretch: stretch[0] - stretch[1])
@@ -135,8 +134,8 @@ def _table(rows: Mapping[str, Scores], keys: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _mean_curves(
-        results: Results, colors: Mapping[str, str], thresholds: NDArray[np.float64],
-        curve: Callable[[Run, Sequence], NDArray[np.float64]]) -> list[Curve]:
+        results: Results, colors: Mapping[str, str], thresholds: Array,
+        curve: Callable[[Run, Sequence], Array]) -> list[Curve]:
     curves = []
     for label, color in colors.items():
         rows = [np.mean([curve(run, sequence) for run in runs.values()], axis=0)
@@ -146,11 +145,11 @@ def _mean_curves(
     return curves
 
 
-def _success(run: Run, sequence: Sequence) -> NDArray[np.float64]:
+def _success(run: Run, sequence: Sequence) -> Array:
     return metrics.success_curve(metrics.overlaps(run.boxes, sequence.truth))
 
 
-def _precision(run: Run, sequence: Sequence) -> NDArray[np.float64]:
+def _precision(run: Run, sequence: Sequence) -> Array:
     return metrics.precision_curve(metrics.center_errors(run.boxes, sequence.truth))
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.tracker import Estimate, Tracker
 
@@ -33,12 +33,12 @@ class Run:
     so that its times may be another machine's.
     """
 
-    boxes: NDArray[np.float64]
-    covariances: NDArray[np.float64]
-    confidences: NDArray[np.float64]
+    boxes: Array
+    covariances: Array
+    confidences: Array
     measured: NDArray[np.bool_]
-    wall_ms: NDArray[np.float64]
-    cpu_ms: NDArray[np.float64]
+    wall_ms: Array
+    cpu_ms: Array
     cached: bool = False
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vtrack_ros.evaluation import calibration, metrics
 from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.frame import Array
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,11 @@ _INDEX_WEIGHTS = np.array([0.5, 0.3, 0.2])
 class Confidences:
     """What a run's confidence is judged by: its values on the target and off it."""
 
-    on: NDArray[np.float64]
-    off: NDArray[np.float64]
+    on: Array
+    off: Array
 
 
-def confidences(run: Run, truth: NDArray[np.float64]) -> Confidences:
+def confidences(run: Run, truth: Array) -> Confidences:
     """Return the confidences on and off the target; the first frame, which is given, is not in."""
     overlap = metrics.overlaps(run.boxes, truth)[1:]
     confidence = run.confidences[1:]
@@ -69,7 +70,7 @@ def confidences(run: Run, truth: NDArray[np.float64]) -> Confidences:
                        confidence[metrics.off_target(overlap)])
 
 
-def score(run: Run, truth: NDArray[np.float64]) -> dict[str, float]:
+def score(run: Run, truth: Array) -> dict[str, float]:
     """Return the figures of one run by their keys; NaN where there is nothing to tell from."""
     overlap = metrics.overlaps(run.boxes, truth)
     error = metrics.center_errors(run.boxes, truth)
@@ -144,7 +145,7 @@ def with_index(rows: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, f
     return {label: {**row, 'cei': index[label]} for label, row in rows.items()}
 
 
-def composite_index(criteria: ArrayLike) -> NDArray[np.float64]:
+def composite_index(criteria: ArrayLike) -> Array:
     """
     Return the composite evaluation index of each algorithm, shape (algorithms,) [Zhu2012, eq. 21].
 

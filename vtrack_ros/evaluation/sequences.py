@@ -7,13 +7,12 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.bags import BagReader, SequenceError
 from vtrack_ros.bags.image_folder import (
     GROUND_TRUTH, ground_truth_files, image_files, read_ground_truth, read_image)
 from vtrack_ros.evaluation.metrics import truth_rows
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.scenes import render
 from vtrack_ros.session.session import FrameIntervalEstimator
@@ -29,7 +28,7 @@ class Sequence(ABC):
     """
 
     name: str
-    truth: NDArray[np.float64]
+    truth: Array
 
     def __post_init__(self) -> None:
         if np.isnan(self.truth[0]).any():
@@ -45,7 +44,7 @@ class Sequence(ABC):
         return Box(*self.truth[0])
 
     @property
-    def steps(self) -> NDArray[np.float64]:
+    def steps(self) -> Array:
         """Return the time since the frame before, in frame intervals, for each frame."""
         return np.ones(len(self))
 
@@ -130,7 +129,7 @@ class BagSequence(Sequence):
     path: Path
     topic: str
     first: int
-    intervals: NDArray[np.float64]
+    intervals: Array
 
     @property
     def video(self) -> str:
@@ -138,7 +137,7 @@ class BagSequence(Sequence):
         return f'{self.path}:{self.topic}'
 
     @property
-    def steps(self) -> NDArray[np.float64]:
+    def steps(self) -> Array:
         """Return the intervals."""
         return self.intervals
 

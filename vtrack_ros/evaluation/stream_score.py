@@ -6,6 +6,7 @@ import numpy as np
 
 from vtrack_ros.bags.replay import Step
 from vtrack_ros.evaluation import metrics
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 
 #: Key -> value; None where there is nothing to tell from.
@@ -100,5 +101,5 @@ def figures_table(figures: Figures) -> str:
     return '\n'.join(lines)
 
 
-def _mean(values: metrics.FloatArray | metrics.BoolArray) -> float | None:
+def _mean(values: Array | metrics.BoolArray) -> float | None:
     return float(values.mean()) if len(values) else None

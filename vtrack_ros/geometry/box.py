@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from vtrack_ros.frame import Array
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Box:
         """Return the area, in square pixels."""
         return self.width * self.height
 
-    def as_array(self) -> NDArray[np.float64]:
+    def as_array(self) -> Array:
         """Return (x, y, width, height) as an array of shape (4,), in pixels."""
         return np.array([self.x, self.y, self.width, self.height])
 

@@ -6,11 +6,9 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry.box import Box
-
-Vector = NDArray[np.float64]
 
 # OpenCV's own iteration, until nothing changes.
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-14)
@@ -27,10 +25,10 @@ class Position:
     `slope`, shape (3, 4), is the point's derivative by the box's centre (x, y), width and height.
     """
 
-    point: Vector
-    covariance: Vector
+    point: Array
+    covariance: Array
     units: str
-    slope: Vector
+    slope: Array
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class Camera:
         x, y = self.ray_and_slope(column, row)[0]
         return float(x), float(y)
 
-    def ray_and_slope(self, column: float, row: float) -> tuple[Vector, Vector]:
+    def ray_and_slope(self, column: float, row: float) -> tuple[Array, Array]:
         """
         Return the ray (2,) that a place [px] on the image sees, and its derivative.
 
@@ -95,7 +93,7 @@ class Camera:
             return np.full(2, math.nan), np.full((2, 2), math.nan)
         return rays[0], slope
 
-    def _undistorted(self, places: Vector) -> Vector:
+    def _undistorted(self, places: Array) -> Array:
         """Return x and y at depth 1 of the rays through places on the image, both (n, 2)."""
         sensor = places * self.binning + np.asarray(self.offset) - 0.5
         if not self.coefficients:
@@ -112,15 +110,15 @@ class Camera:
         return np.asarray(rays, np.float64).reshape(-1, 2)
 
     @property
-    def _matrix(self) -> Vector:
+    def _matrix(self) -> Array:
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     @property
-    def _distortion(self) -> Vector:
+    def _distortion(self) -> Array:
         return np.array(self.coefficients or (0.0,) * 4)
 
 
-def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str = 'auto',
+def locate(box: Box, box_covariance: Array, camera: Camera | None, units: str = 'auto',
            width: float = 0.0, height: float = 0.0) -> Position | None:
     """
     Return where the target is, with the box's covariance carried through to first order.
@@ -165,8 +163,8 @@ def locate(box: Box, box_covariance: Vector, camera: Camera | None, units: str =
 
 
 def locate_velocity(
-        locate_box: Callable[[Box], Position | None], box: Box, velocity: Vector,
-        covariance: Vector) -> tuple[Vector, Vector] | None:
+        locate_box: Callable[[Box], Position | None], box: Box, velocity: Array,
+        covariance: Array) -> tuple[Array, Array] | None:
     """
     Return the velocity (3,) of where a moving box is, per second, and its covariance (3, 3).
 
@@ -189,7 +187,7 @@ def locate_velocity(
     return here.slope @ velocity, slope @ covariance @ slope.T
 
 
-def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Vector]:
+def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Array]:
     """Return the depth of a box whose width (across 0) or height (1) is `size` [m], and slope."""
     half = np.zeros(2)
     half[across] = (box.width, box.height)[across] / 2

@@ -3,17 +3,15 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry.box import Box
 
 #: How many bandwidths reach to the border of the ellipse [Yin2013, eq. 8].
 SIGMA = 2.5
 
-Matrix = NDArray[np.float64]
 
-
-def axes_of_bandwidth(bandwidth: Matrix) -> tuple[float, float, float]:
+def axes_of_bandwidth(bandwidth: Array) -> tuple[float, float, float]:
     """
     Return semi-axes and angle of the ellipse of a bandwidth matrix, shape (2, 2), [px^2].
 
@@ -27,13 +25,13 @@ def axes_of_bandwidth(bandwidth: Matrix) -> tuple[float, float, float]:
     return major, minor, 0.5 * math.atan2(2 * h12, h11 - h22)
 
 
-def bounds_of_bandwidth(center: tuple[float, float], bandwidth: Matrix) -> Box:
+def bounds_of_bandwidth(center: tuple[float, float], bandwidth: Array) -> Box:
     """Return the axis-aligned bound of the ellipse about a centre (x, y), in pixels."""
     return Box.from_center(
         *center, 2 * SIGMA * math.sqrt(bandwidth[0, 0]), 2 * SIGMA * math.sqrt(bandwidth[1, 1]))
 
 
-def bounded(frame: Matrix, first: Matrix, sizes: tuple[float, float], aspect: float) -> Matrix:
+def bounded(frame: Array, first: Array, sizes: tuple[float, float], aspect: float) -> Array:
     """
     Return an ellipse's frame, shape (2, 2), within bounds about the first one, a diagonal.
 
@@ -55,7 +53,7 @@ def turned(angle: float, previous: float) -> float:
     return previous + math.remainder(angle - previous, math.pi)
 
 
-def square_root(matrix: Matrix) -> Matrix:
+def square_root(matrix: Array) -> Array:
     """Return the symmetric square root of a symmetric positive definite matrix, shape (2, 2)."""
     # [Levinger 1980]: (M + sqrt(det M) I) / sqrt(trace M + 2 sqrt(det M))
     root = math.sqrt(max(float(matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]), 0.0))

@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.messages.poses import pose_with_covariance, Types
 from vtrack_ros.tracker import Estimate
@@ -37,7 +37,7 @@ def oriented_box(types: Types, estimate: Estimate) -> Any:
 
 def detections(types: Types, header: Any, box: Box | None, angle: float = 0.0,
                score: float = 1.0, class_id: str = 'target', target_id: str = '',
-               covariance: NDArray[np.float64] | None = None) -> Any:
+               covariance: Array | None = None) -> Any:
     """
     Return a Detection2DArray of one box, or an empty one for None.
 

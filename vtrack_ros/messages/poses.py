@@ -9,7 +9,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from vtrack_ros.frame import Array
 
 #: The variance of an angle that may be anything, in rad^2: that of a uniform one.
 UNKNOWN_ANGLE = math.pi ** 2 / 3
@@ -32,7 +33,7 @@ def rotation(types: Types, angle: float) -> Any:
         x=0.0, y=0.0, z=math.sin(angle / 2), w=math.cos(angle / 2))
 
 
-def pose(types: Types, position: Sequence[float] | NDArray[np.float64], angle: float) -> Any:
+def pose(types: Types, position: Sequence[float] | Array, angle: float) -> Any:
     """Return a geometry_msgs/msg/Pose; the angle [rad] is about the optical axis."""
     x, y, z = (float(value) for value in position)
     return types['geometry_msgs/msg/Pose'](
@@ -40,8 +41,8 @@ def pose(types: Types, position: Sequence[float] | NDArray[np.float64], angle: f
         orientation=rotation(types, angle))
 
 
-def pose_with_covariance(types: Types, position: Sequence[float] | NDArray[np.float64],
-                         angle: float, covariance: NDArray[np.float64] | None) -> Any:
+def pose_with_covariance(types: Types, position: Sequence[float] | Array,
+                         angle: float, covariance: Array | None) -> Any:
     """
     Return a geometry_msgs/msg/PoseWithCovariance, over (x, y, z, about x, about y, about z).
 
@@ -57,8 +58,7 @@ def pose_with_covariance(types: Types, position: Sequence[float] | NDArray[np.fl
         pose=pose(types, position, angle), covariance=full.ravel())
 
 
-def twist_with_covariance(types: Types, velocity: NDArray[np.float64],
-                          covariance: NDArray[np.float64]) -> Any:
+def twist_with_covariance(types: Types, velocity: Array, covariance: Array) -> Any:
     """
     Return a geometry_msgs/msg/TwistWithCovariance of a velocity (3,), which doesn't turn.
 
@@ -77,7 +77,7 @@ def twist_with_covariance(types: Types, velocity: NDArray[np.float64],
         covariance=full.ravel())
 
 
-def particle_poses(types: Types, header: Any, particles: NDArray[np.float64] | None) -> Any:
+def particle_poses(types: Types, header: Any, particles: Array | None) -> Any:
     """Return the particles' centres [px] as a PoseArray; `particles` (N, 4) or None."""
     places = [] if particles is None else np.asarray(particles, np.float64)[:, :2].tolist()
     still, point = rotation(types, 0.0), types['geometry_msgs/msg/Point']

@@ -9,7 +9,6 @@ from geometry_msgs.msg import (
     PoseArray, PoseStamped, PoseWithCovarianceStamped, TransformStamped,
     TwistWithCovarianceStamped, Vector3)
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.duration import Infinite
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -18,7 +17,7 @@ from rclpy.qos import (
 from sensor_msgs.msg import Image
 
 from vtrack_ros.drawing import AnnotatedFrame, STATES, TRUTH
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry.camera import Position
 from vtrack_ros.messages import detections, poses
 from vtrack_ros.messages.images import fill_image
@@ -28,7 +27,7 @@ from vtrack_ros.tracker import Estimate
 #: What every output offers; the durations are the defaults, but said as the graph says them.
 OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infinite)
 #: A velocity (3,) and its covariance (3, 3).
-Velocity: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
+Velocity: TypeAlias = tuple[Array, Array]
 #: How many places the trail on the debug image has.
 _TRAIL = 60
 

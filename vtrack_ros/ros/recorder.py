@@ -10,13 +10,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
 import numpy as np
-from numpy.typing import NDArray
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from vision_msgs.msg import Detection2DArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.tracker import Estimate, TrackState
 
@@ -35,7 +35,7 @@ class Answer:
 
     received: int = 0
     estimate: Estimate | None = None
-    particles: NDArray[np.float64] | None = None
+    particles: Array | None = None
     state: str | None = None
     milliseconds: float | None = None
     sent: int = 0

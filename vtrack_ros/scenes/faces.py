@@ -6,6 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.scenes.canvas import Colour
 from vtrack_ros.scenes.interior import office
 from vtrack_ros.scenes.solid import ball, limb, Paint, plain, render, rotation, striped, surface
@@ -167,8 +168,8 @@ def light_change(view: View, rng: np.random.Generator) -> Scene:
         flicker = 1 + 0.2 * math.sin(2.2 * time) * (104 < time < 122)
         return blue(time) * flicker, green(time) * flicker, red(time) * flicker
 
-    def lamp(time: float, at_x: NDArray[np.float64],
-             at_y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lamp(time: float, at_x: Array,
+             at_y: Array) -> Array:
         """Brighten what is near a lamp to the right, and darken the rest."""
         near = np.exp(-((at_x - 260) / 130) ** 2 - ((at_y - 90) / 150) ** 2)
         return np.asarray(1 + slant(time) * (0.95 * near - 0.5))

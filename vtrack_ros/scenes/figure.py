@@ -4,8 +4,8 @@ from functools import lru_cache
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.scenes.canvas import Colour
 from vtrack_ros.scenes.outdoor import Ground
 from vtrack_ros.scenes.solid import (
@@ -132,7 +132,7 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
     still = speed < 0.004
     strides = np.where(still, 0.0, stride)
 
-    def at(table: NDArray[np.float64], time: float) -> float:
+    def at(table: Array, time: float) -> float:
         return float(np.interp(time, times, table))
 
     def place(time: float) -> Placement:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.scenes.canvas import (
     Canvas, Colour, foliage, fractal_noise, lit, masonry, Picture, tinted)
 from vtrack_ros.scenes.stage import View
@@ -29,7 +30,7 @@ class Ground:
         """Return how large things are that stand at y."""
         return self.scale * max(1.0, y - self.horizon)
 
-    def plane(self, canvas: Canvas) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def plane(self, canvas: Canvas) -> tuple[Array, Array]:
         """Return the ground's coordinates (across, away), in units of a thing of size 1."""
         below = np.maximum(canvas.rows() - self.horizon, 0.4).astype(np.float64)
         size = self.scale * below

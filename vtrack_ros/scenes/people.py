@@ -1,8 +1,8 @@
 """Scenes with people on foot: occlusion, look-alikes, leaving and coming back."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.scenes import outdoor
 from vtrack_ros.scenes.canvas import Canvas, masonry
 from vtrack_ros.scenes.figure import Person, walker
@@ -110,8 +110,7 @@ def football(view: View, rng: np.random.Generator) -> Scene:
     shake = unrest(rng, 0.7, 26)
     gloom = keyframes((0, 1.06), (82, 1.04), (100, 0.6), (150, 0.56))
 
-    def shaded(time: float, at_x: NDArray[np.float64],
-               at_y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shaded(time: float, at_x: Array, at_y: Array) -> Array:
         """Lay the grandstand's shadow over the right side of the pitch."""
         edge = (at_x + pan(time) - 285 - 0.25 * (at_y - 120)) / 6
         return np.asarray(1 - 0.36 / (1 + np.exp(-np.clip(edge, -30, 30))))
@@ -191,8 +190,7 @@ def low_light_noise(view: View, rng: np.random.Generator) -> Scene:
     near = walker(other, ground, keyframes((0, 290), (130, 30)), lambda time: 166, 130, phase=0.4)
     glare = keyframes((0, 0), (72, 0), (82, 1), (94, 0), (130, 0))
 
-    def lamps(time: float, at_x: NDArray[np.float64],
-              at_y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def lamps(time: float, at_x: Array, at_y: Array) -> Array:
         """Light two places below lamps, and let the lights of a car pass."""
         pools = sum(np.exp(-((at_x - place) / 52) ** 2 - ((at_y - 150) / 90) ** 2)
                     for place in (40, 215))

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.scenes.canvas import Colour, fractal_noise
 from vtrack_ros.scenes.sprite import Sprite
 
@@ -21,13 +22,12 @@ _LIGHT = np.array([-0.42, -0.62, 0.66], np.float32) / np.float32(0.998)
 class Ellipsoid:
     """The unit sphere mapped by `axes`, (3, 3), about a centre; z points to the viewer."""
 
-    centre: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    centre: Array
+    axes: Array
     paint: Paint
 
 
-def ball(x: float, y: float, z: float, rx: float, ry: float, rz: float,
-         paint: Paint) -> Ellipsoid:
+def ball(x: float, y: float, z: float, rx: float, ry: float, rz: float, paint: Paint) -> Ellipsoid:
     """Return an ellipsoid along the axes, with a centre and three radii."""
     return Ellipsoid(np.array([x, y, z]), np.diag([rx, ry, rz]), paint)
 
@@ -46,7 +46,7 @@ def limb(start: ArrayLike, end: ArrayLike, radius: float, paint: Paint) -> Ellip
     return Ellipsoid((a + b) / 2, axes, paint)
 
 
-def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> NDArray[np.float64]:
+def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Array:
     """Return the rotation matrix of a yaw to the right, then a pitch up, then a roll; radians."""
     cy, sy, cp, sp = math.cos(yaw), math.sin(yaw), math.cos(pitch), math.sin(pitch)
     cr, sr = math.cos(roll), math.sin(roll)
@@ -56,8 +56,7 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> NDArray
     return np.asarray(about_z @ about_x @ about_y, np.float64)
 
 
-def render(solids: Sequence[Ellipsoid], turn: NDArray[np.float64], unit: float,
-           ambient: float = 0.5) -> Sprite:
+def render(solids: Sequence[Ellipsoid], turn: Array, unit: float, ambient: float = 0.5) -> Sprite:
     """Return the picture of turned solids, without perspective; `ambient` lights the shadows."""
     solids = [replace(solid, centre=turn @ solid.centre, axes=turn @ solid.axes)
               for solid in solids]

@@ -9,8 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
+
 #: A 2-D affine map, shape (2, 3).
-Affine = NDArray[np.float64]
+Affine = Array
 #: A value that changes with time in frames.
 Motion = Callable[[float], float]
 
@@ -51,7 +53,7 @@ class Sprite:
     top: float
 
     @cached_property
-    def outline(self) -> NDArray[np.float64]:
+    def outline(self) -> Array:
         """Return where alpha crosses one half along rows and columns, shape (n, 2)."""
         alpha = np.pad(self.pixels[..., 3].astype(np.float64), 1)
         points = [_crossings(alpha), _crossings(alpha.T)[:, ::-1]]
@@ -95,14 +97,14 @@ class Sprite:
         return np.asarray(cv2.warpAffine(pixels, full, size, flags=cv2.INTER_LINEAR), np.float32)
 
 
-def mapped_bounds(outline: NDArray[np.float64], matrix: Affine) -> tuple[float, ...]:
+def mapped_bounds(outline: Array, matrix: Affine) -> tuple[float, ...]:
     """Return the x, y, width and height of an outline that `matrix` maps."""
     mapped = outline @ matrix[:, :2].T + matrix[:, 2]
     low, high = mapped.min(axis=0), mapped.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
 
 
-def _crossings(alpha: NDArray[np.float64]) -> NDArray[np.float64]:
+def _crossings(alpha: Array) -> Array:
     """Return (x, y) of the first and last crossing of one half in each row of a padded alpha."""
     inside = alpha >= 0.5
     rows = np.flatnonzero(inside.any(axis=1))

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.sprite import Affine, compose, mapped_bounds, Placement, Sprite
@@ -89,8 +90,8 @@ class Light:
 
     colour: Callable[[float], tuple[float, float, float]] = field(
         default=lambda time: (1.0, 1.0, 1.0))
-    field: Callable[[float, NDArray[np.float64], NDArray[np.float64]],
-                    NDArray[np.float64]] | None = None
+    field: Callable[[float, Array, Array],
+                    Array] | None = None
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,15 @@ from typing import Any, ClassVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.siamese_network import check_backbone, check_head, check_network
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable, Value
 from vtrack_ros.tracker import Estimate, Tracker, TrackState
 
 #: None of them says how sure it is of the place.
-_NO_COVARIANCE: NDArray[np.float64] = np.full((4, 4), np.nan)
+_NO_COVARIANCE: Array = np.full((4, 4), np.nan)
 
 
 class OpenCVTracker(Tracker):
