@@ -9,10 +9,10 @@ import re
 import subprocess
 import sys
 
+from packaging.requirements import Requirement
 import pytest
 
 pytest.importorskip('pip_audit', reason='needs pip-audit')
-from packaging.requirements import Requirement  # noqa: E402
 
 pytestmark = pytest.mark.lint
 
