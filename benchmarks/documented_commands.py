@@ -4,8 +4,8 @@ The commands of the documentation: which there are, and whether they do what the
 `python benchmarks/documented_commands.py [PAGE.md...]` runs each of them as it stands on its page,
 and the examples in Python, in a folder with short stand-ins for the bags, pictures and videos that
 the pages speak of. Those that run until Ctrl-C get it after a while; of those that take hours the
-options are looked up. Where there is `ros2`, it talks to a node that tracks what a bag shows. What
-isn't run is listed with the reason.
+options are looked up. Where there is `ros2`, it talks to a node that tracks what a bag shows, and
+where there is `rosdep` it says what it would install. What isn't run is listed with the reason.
 benchmarks/walkthrough.py does docs/start.md in order.
 """
 
@@ -42,7 +42,7 @@ EXECUTABLES = {'tracker': ['-c', _NODE.format('main')],
 OTHERS = {
     **dict.fromkeys(('cd', 'export', 'source', 'git', 'ssh'), 'not of this package'),
     'colcon': 'test/test_package.py builds and tests with it',
-    'rosdep': 'needs ROS 2 installed',
+    'rosdep': 'needs rosdep and its database',
     'pip': 'needs the network; test/test_package.py installs with it',
     'dask': 'needs a cluster; test/test_evaluation_running.py has one',
     'eval': 'test/test_cli_commands.py completes'}
@@ -120,6 +120,10 @@ def arguments(words: list[str]) -> list[str] | str:
     ros2 = shutil.which('ros2')
     if ros2 and program == 'ros2' and words[1] in VERBS:
         return [ros2, *words[1:]]
+    rosdep = shutil.which('rosdep')
+    if rosdep and program == 'rosdep':
+        # What it would install on the system that the page is for.
+        return [rosdep, *words[1:], '--simulate', '--rosdistro', 'jazzy', '--os', 'ubuntu:noble']
     for key, reason in LEFT.items():
         if key in text:
             return reason
@@ -179,7 +183,7 @@ def run(words: list[str], folder: Path) -> int | str:
     if 'synth' in words and '--frames' not in words and '--list' not in words:
         call = [*call, '--frames', str(FRAMES)]
     tool, endless = call[0].startswith('/'), _ENDLESS & {Path(word).name for word in words}
-    at_root = tool and words[0] != 'ros2' or words[0].startswith(('python', '.venv'))
+    at_root = tool and words[0] not in ('ros2', 'rosdep') or words[0].startswith(('python', '.venv'))
     path = os.pathsep.join((str(folder / 'site'), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
         call if tool else [sys.executable, *call], stdout=subprocess.PIPE,
