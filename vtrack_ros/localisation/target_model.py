@@ -24,7 +24,7 @@ _COLOUR_RATE = 0.08
 _SCALE_RATE = 0.05
 #: The share of what is learned that is the first frame again: without it the errors of place and
 #: size add up, and after some minutes the model is of something else.
-_FIRST_IN_FILTER, _FIRST_IN_SCALE = 0.2, 0.1
+_FIRST_IN_FILTER, _FIRST_IN_SCALE = 0.3, 0.15
 #: The usual response and similarity follow slowly, or they would get used to an occluder.
 _USUAL_RATE = 0.03
 

@@ -1,0 +1,86 @@
+"""
+Whether the models keep their target for long: each shared video there and back, again and again.
+
+`python benchmarks/long_runs.py [--frames N]` writes docs/results/long_runs.md: trackers as they are,
+and without the share of the first frame in what they learn.
+"""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from pathlib import Path
+from unittest.mock import patch
+
+from joblib import delayed, Parallel
+import numpy as np
+from result_files import facts_text
+from shared_sequences import folder_sequences, options
+
+from vtrack_ros.evaluation import FolderSequence
+from vtrack_ros.evaluation.metrics import OFF_TARGET, overlaps
+from vtrack_ros.evaluation.results_json import environment
+from vtrack_ros.evaluation.runner import one_thread, run_tracker
+from vtrack_ros.evaluation.table import markdown
+from vtrack_ros.frame import Array
+from vtrack_ros.localisation import target_model
+from vtrack_ros.trackers import create_tracker
+
+ROOT = Path(__file__).resolve().parents[1]
+#: Parts of a run, from its beginning to its end.
+PARTS = 3
+
+
+def there_and_back(count: int, frames: int) -> Array:
+    """Return the frame of a video of that many to show at each time."""
+    way = np.arange(frames) % (2 * count - 2)
+    return np.minimum(way, 2 * count - 2 - way)
+
+
+def follow(sequence: FolderSequence, tracker: str, frames: int, anchored: bool) -> Array:
+    """Return mean overlap in each part of a run, and the share of boxes said and off the target."""
+    shown = there_and_back(len(sequence), frames)
+    video = list(sequence.frames())
+    without = nullcontext() if anchored else patch.multiple(
+        target_model, _FIRST_IN_FILTER=0.0, _FIRST_IN_SCALE=0.0)
+    with without, one_thread():
+        run = run_tracker(
+            create_tracker(tracker, seed=0), (video[index] for index in shown),
+            sequence.first_box)
+    overlap = overlaps(run.boxes, sequence.truth[shown])
+    wrong = run.measured & (np.nan_to_num(overlap) < OFF_TARGET)
+    return np.array([*map(np.nanmean, np.array_split(overlap, PARTS)), wrong.mean()])
+
+
+def main() -> None:
+    """Follow all targets, and write the page."""
+    parser = options(__doc__)
+    parser.set_defaults(frames=1500)
+    parser.add_argument('--trackers', default='gmpf,dcf')
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results' / 'long_runs.md')
+    arguments = parser.parse_args()
+    found, _ = folder_sequences(arguments.sequences, None)
+    rows = [['tracker', *(f'{part + 1}. third' for part in range(PARTS)), 'wrong']]
+    for tracker in arguments.trackers.split(','):
+        for anchored in (True, False):
+            scores = np.array(Parallel(arguments.jobs)(
+                delayed(follow)(one, tracker, arguments.frames, anchored) for one in found))
+            rows.append([tracker if anchored else f'{tracker} without',
+                         *(f'{value:.3f}' for value in scores.mean(axis=0))])
+            print(rows[-1], flush=True)
+    text = f"""# Long runs
+
+Each of the {len(found)} targets of the shared videos, there and back for {arguments.frames} frames,
+seed 0, one pass: the mean overlap with the truth in each third of the run, and the share of frames
+in which the tracker said TRACKING with less than a tenth of overlap. *Without* is without the
+share of the first frame in what the models learn ([decision 22](../decisions.md)). A few videos
+kept or lost by chance make .03 of difference.
+
+{facts_text(environment())}
+
+{markdown(rows)}
+"""
+    arguments.out.write_text(text, encoding='utf-8')
+
+
+if __name__ == '__main__':
+    main()
