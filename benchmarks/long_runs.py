@@ -1,8 +1,8 @@
 """
 Whether the models keep their target for long: each shared video there and back, again and again.
 
-`python benchmarks/long_runs.py [--frames N]` writes docs/results/long_runs.md: trackers as they are,
-and without the share of the first frame in what they learn.
+`python benchmarks/long_runs.py [--frames N]` writes docs/results/long_runs.md: trackers as they
+are, and without the share of the first frame in what they learn.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def there_and_back(count: int, frames: int) -> Array:
 
 
 def follow(sequence: FolderSequence, tracker: str, frames: int, anchored: bool) -> Array:
-    """Return mean overlap in each part of a run, and the share of boxes said and off the target."""
+    """Return the mean overlap in each part of a run, and the share of wrong boxes."""
     shown = there_and_back(len(sequence), frames)
     video = list(sequence.frames())
     without = nullcontext() if anchored else patch.multiple(
@@ -62,8 +62,8 @@ def main() -> None:
     rows = [['tracker', *(f'{part + 1}. third' for part in range(PARTS)), 'wrong']]
     for tracker in arguments.trackers.split(','):
         for anchored in (True, False):
-            scores = np.array(Parallel(arguments.jobs)(
-                delayed(follow)(one, tracker, arguments.frames, anchored) for one in found))
+            scores = np.array(Parallel(arguments.jobs)(delayed(follow)(
+                one, tracker, arguments.frames, anchored) for one in found))
             rows.append([tracker if anchored else f'{tracker} without',
                          *(f'{value:.3f}' for value in scores.mean(axis=0))])
             print(rows[-1], flush=True)
