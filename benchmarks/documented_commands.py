@@ -183,7 +183,8 @@ def run(words: list[str], folder: Path) -> int | str:
     if 'synth' in words and '--frames' not in words and '--list' not in words:
         call = [*call, '--frames', str(FRAMES)]
     tool, endless = call[0].startswith('/'), _ENDLESS & {Path(word).name for word in words}
-    at_root = tool and words[0] not in ('ros2', 'rosdep') or words[0].startswith(('python', '.venv'))
+    others = tool and words[0] in ('ros2', 'rosdep')
+    at_root = tool and not others or words[0].startswith(('python', '.venv'))
     path = os.pathsep.join((str(folder / 'site'), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
         call if tool else [sys.executable, *call], stdout=subprocess.PIPE,
