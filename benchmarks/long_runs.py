@@ -70,10 +70,10 @@ def main() -> None:
     text = f"""# Long runs
 
 Each of the {len(found)} targets of the shared videos, there and back for {arguments.frames}
-frames, seed 0, one pass: the mean overlap with the truth in each third of the run, and the share of frames
-in which the tracker said TRACKING with less than a tenth of overlap. *Without* is without the
-share of the first frame in what the models learn ([decision 22](../decisions.md)). A few videos
-kept or lost by chance make .03 of difference.
+frames, seed 0, one pass: the mean overlap with the truth in each third of the run, and the share
+of frames in which the tracker said TRACKING with less than a tenth of overlap. *Without* is
+without the share of the first frame in what the models learn ([decision 22](../decisions.md)). A
+few videos kept or lost by chance make .03 of difference.
 
 {facts_text(environment())}
 
