@@ -7,47 +7,40 @@ are, and without the share of the first frame in what they learn.
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
-from unittest.mock import patch
 
+from ingredients import ALL, without
 from joblib import delayed, Parallel
 import numpy as np
 from result_files import facts_text
 from shared_sequences import folder_sequences, options
 
 from vtrack_ros.evaluation import FolderSequence
-from vtrack_ros.evaluation.metrics import OFF_TARGET, overlaps
+from vtrack_ros.evaluation.metrics import off_target, overlaps
 from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.frame import Array
-from vtrack_ros.localisation import target_model
+from vtrack_ros.scenes.catalogue import story_times
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Parts of a run, from its beginning to its end.
 PARTS = 3
+#: What is left out in every second row, by what stands behind the tracker's name.
+LEFT_OUT = {'': ALL, ' without': 'the share of the first frame'}
 
 
-def there_and_back(count: int, frames: int) -> Array:
-    """Return the frame of a video of that many to show at each time."""
-    way = np.arange(frames) % (2 * count - 2)
-    return np.minimum(way, 2 * count - 2 - way)
-
-
-def follow(sequence: FolderSequence, tracker: str, frames: int, anchored: bool) -> Array:
+def follow(sequence: FolderSequence, tracker: str, frames: int, left_out: str) -> Array:
     """Return the mean overlap in each part of a run, and the share of wrong boxes."""
-    shown = there_and_back(len(sequence), frames)
+    shown = [int(time) for time in story_times(len(sequence), frames)]
     video = list(sequence.frames())
-    without = nullcontext() if anchored else patch.multiple(
-        target_model, _FIRST_IN_FILTER=0.0, _FIRST_IN_SCALE=0.0)
-    with without, one_thread():
+    with without(left_out), one_thread():
         run = run_tracker(
             create_tracker(tracker, seed=0), (video[index] for index in shown),
             sequence.first_box)
     overlap = overlaps(run.boxes, sequence.truth[shown])
-    wrong = run.measured & (np.nan_to_num(overlap) < OFF_TARGET)
+    wrong = run.measured & off_target(overlap)
     return np.array([*map(np.nanmean, np.array_split(overlap, PARTS)), wrong.mean()])
 
 
@@ -61,11 +54,10 @@ def main() -> None:
     found, _ = folder_sequences(arguments.sequences, None)
     rows = [['tracker', *(f'{part + 1}. third' for part in range(PARTS)), 'wrong']]
     for tracker in arguments.trackers.split(','):
-        for anchored in (True, False):
+        for behind, left_out in LEFT_OUT.items():
             scores = np.array(Parallel(arguments.jobs)(delayed(follow)(
-                one, tracker, arguments.frames, anchored) for one in found))
-            rows.append([tracker if anchored else f'{tracker} without',
-                         *(f'{value:.3f}' for value in scores.mean(axis=0))])
+                one, tracker, arguments.frames, left_out) for one in found))
+            rows.append([tracker + behind, *(f'{value:.3f}' for value in scores.mean(axis=0))])
             print(rows[-1], flush=True)
     text = f"""# Long runs
 

@@ -80,7 +80,7 @@ class Answers:
         self._sent.clear()
         self.latency_ms: list[float] = []
         #: The box by the image's stamp, where the target was found.
-        self.boxes: dict[int, Box | None] = {}
+        self.boxes: dict[int, Box] = {}
 
     @property
     def found(self) -> int:
@@ -98,8 +98,9 @@ class Answers:
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         if stamp in self._sent:
             self.latency_ms.append((time.perf_counter_ns() - self._sent.pop(stamp)) / 1e6)
-            if message.detections:
-                self.boxes[stamp] = detected_box(message)
+            box = detected_box(message)
+            if box is not None:
+                self.boxes[stamp] = box
 
     def percentiles(self) -> tuple[float, float]:
         """Return the latency's median and 99th percentile in milliseconds; NaN without answers."""
@@ -154,7 +155,7 @@ def scene(width: int, height: int) -> tuple[list[Any], str]:
         message.header.frame_id = 'camera'
         message.data = frame.tobytes()
         messages.append(message)
-    return messages, f'[{width // 3}, {height // 3}, {SIDE}, {SIDE}]'
+    return messages, str(target_box(0, width, height).as_array().astype(int).tolist())
 
 
 def cpu_seconds(pid: int) -> float:

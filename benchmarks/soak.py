@@ -59,7 +59,7 @@ def machine_ticks() -> tuple[int, int]:
 
 def least_iou(answers: Answers, period: int) -> float:
     """Return the least overlap of the boxes with the target; 0 where none was found."""
-    return min((0.0 if box is None else box.iou(target_box(stamp // period, WIDTH, HEIGHT))
+    return min((box.iou(target_box(stamp // period, WIDTH, HEIGHT))
                 for stamp, box in answers.boxes.items()), default=0.0)
 
 

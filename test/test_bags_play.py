@@ -69,10 +69,10 @@ class Listener:
 
 def latched_bag(path, topic='/latched'):
     """Write a bag of two images far apart, and a header before them that was latched."""
-    volatile = Qos(
-        QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, QosTime(0, 0),
-        QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
-    latched = volatile._replace(durability=QosDurability.TRANSIENT_LOCAL)
+    latched, volatile = (
+        Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, QosTime(0, 0),
+            QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
+        for durability in (QosDurability.TRANSIENT_LOCAL, QosDurability.VOLATILE))
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for name, message, profile, stamps in (
                 (topic, messages.header(1, 'latched'), latched, [10 ** 9]),

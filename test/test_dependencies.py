@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 import pytest
 
 pytest.importorskip('pip_audit', reason='needs pip-audit')
@@ -27,11 +28,6 @@ SILENT = re.compile('ros-fastcdr|ros-fastrtps|ros-jazzy-.*')
 KNOWN = 'jinja2==3.1.2'
 
 
-def normalised(name: str) -> str:
-    """Return a name as indexes compare it."""
-    return re.sub(r'[-_.]+', '-', name).lower()
-
-
 @pytest.fixture(scope='module')
 def installed(repository: Path) -> dict[str, str]:
     """Return name -> version of all that the package needs, and of what that needs in turn."""
@@ -43,7 +39,7 @@ def installed(repository: Path) -> dict[str, str]:
         wanted = waiting.pop()
         if wanted.marker is not None and not wanted.marker.evaluate({'extra': ''}):
             continue
-        name = normalised(wanted.name)
+        name = canonicalize_name(wanted.name)
         try:
             one = distribution(name)
         except PackageNotFoundError:

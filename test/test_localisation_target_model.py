@@ -49,6 +49,19 @@ def test_what_was_seen_first_is_never_forgotten(confined):
     assert response(later) > 2 * max(foreign, response(window))
 
 
+@pytest.mark.parametrize('confined, rate', [(False, 0.02), (True, 0.01)])
+def test_an_example_has_its_weight(confined, rate):
+    """A fiftieth; half of that in the filter that sees the target alone, so it learns slowly."""
+    window, later = window_on(texture(0)), window_on(texture(1))
+    first, alone = (TargetModel.create(one, confined) for one in (window, later))
+    after = first.updated(later, (0.0, 0.0), first)
+    # of the example, but for the share of the first frame
+    expected = first.correlation.mixed(alone.correlation, rate * (1 - 0.3 * rate))
+    np.testing.assert_allclose(
+        after.correlation.numerator, expected.numerator,
+        atol=1e-5 * np.abs(expected.numerator).max())
+
+
 def test_an_error_of_size_doesnt_add_up():
     """A target that keeps its size, but is measured half a per cent too large each time."""
     frame = texture(2)

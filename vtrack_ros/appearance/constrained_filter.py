@@ -52,11 +52,8 @@ class ConstrainedFilter(CorrelationFilter):
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> ConstrainedFilter:
         """Return the filter after one more example, with a weight in the running average."""
-        learned = self._learned(spectrum, shift)
-        if rate < 1:
-            learned *= np.float32(rate)
-            learned += np.float32(1 - rate) * self.numerator
-        return replace(self, numerator=learned)
+        fresh = replace(self, numerator=self._learned(spectrum, shift))
+        return self.mixed(fresh, rate) if rate < 1 else fresh
 
     def _learned(self, spectrum: Spectrum, shift: Point) -> Spectrum:
         """Return the constrained filter of one example."""

@@ -169,10 +169,8 @@ class ScaleRegression:
                 rate: float) -> ScaleRegression:
         """Return the regression after an example of the target, grown by a factor."""
         examples = self._features(grey, center, _EXAMPLES + np.log(growth))
-        if rate < 1:
-            examples *= np.float32(rate)
-            examples += np.float32(1 - rate) * self.examples
-        return ScaleRegression(self.grid, examples)
+        fresh = ScaleRegression(self.grid, examples)
+        return self.mixed(fresh, rate) if rate < 1 else fresh
 
     def mixed(self, other: ScaleRegression, share: float) -> ScaleRegression:
         """Return the regression that has learned another one's examples too, as that share."""
