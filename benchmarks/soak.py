@@ -29,8 +29,8 @@ from vtrack_ros.dds import reserve_domain, with_profile
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH, HEIGHT = 640, 480
-#: How long the node is halted before the first window, in seconds.
-_HALTED_S = 2.0
+#: How often the node is halted for a second before the first window.
+_HALTS = 3
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,14 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
             bench.executor.spin_once(timeout_sec=0.1)
         # Halted, the node leaves its queues to fill: what they take of the camera's shared memory
         # counts as the node's from its first use on, and is no growth later.
-        process.send_signal(signal.SIGSTOP)
-        for _ in range(round(_HALTED_S * rate)):
-            number += 1
-            answers.send(publisher, images[number % len(images)], number * period)
-            time.sleep(1 / rate)
-        process.send_signal(signal.SIGCONT)
-        bench.rest(1.0)
+        for _ in range(_HALTS):
+            process.send_signal(signal.SIGSTOP)
+            for _ in range(round(rate)):
+                number += 1
+                answers.send(publisher, images[number % len(images)], number * period)
+                time.sleep(1 / rate)
+            process.send_signal(signal.SIGCONT)
+            bench.rest(1.0)
         due = time.perf_counter()
         for _ in range(windows):
             answers.clear()
