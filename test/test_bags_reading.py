@@ -9,26 +9,14 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
-from rosbags.rosbag1 import Writer as Ros1Writer  # noqa: E402
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin  # noqa: E402
+from recorded_bags import (  # noqa: E402
+    COUNT, FIRST, frames, read_all, ros1_bag, STEP, SUFFIX)
 from rosbags.rosbag2 import Reader as Ros2Reader  # noqa: E402
-from rosbags.rosbag2 import Writer as Ros2Writer  # noqa: E402
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores  # noqa: E402
 
 from vtrack_ros.bags import BagError, BagReader, BagWriter, messages  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
 from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
-
-COUNT = 12
-STEP = 40_000_000
-FIRST = 5_000_000_123
-SUFFIX = {'mcap': '.mcap', 'sqlite3': '.db3'}
-
-
-def frames():
-    """Return noise that compresses badly, so that bytes in the middle of a file matter."""
-    rng = np.random.default_rng(1)
-    return [rng.integers(0, 256, (36, 48, 3)).astype(np.uint8) for _ in range(COUNT)]
 
 
 def box(index):
@@ -44,12 +32,6 @@ def write(path, storage='mcap', compression='none', topics=('/image',)):
                 writer.write_frame(frame, FIRST + index * STEP, topic, frame_id='eye')
             writer.write_truth(box(index), FIRST + index * STEP)
     return path
-
-
-def read_all(path, topic=None):
-    """Read everything there is to read."""
-    with BagReader(path) as bag:
-        return list(bag.frames(topic)), bag.truth()
 
 
 @pytest.mark.parametrize('compression', ['none', 'png'])
@@ -122,132 +104,6 @@ def test_broken_truth_file(tmp_path, text, words):
     (path / 'truth.csv').write_text(text)
     with BagReader(path) as bag, pytest.raises(BagError, match=words):
         bag.truth('/no_such_topic')
-
-
-def ros1_bag(path, compressed=False, topic='/camera', chunks=None):
-    """Write a ROS 1 bag of one image topic and of a type that Jazzy doesn't know."""
-    store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg('uint8 level\n', 'my_msgs/msg/Level'))
-    kind = store.types
-    writer = Ros1Writer(path)
-    if chunks is not None:
-        writer.set_compression(Ros1Writer.CompressionFormat[chunks])
-        writer.chunk_threshold = 3 * 36 * 144
-    with writer:
-        name = 'sensor_msgs/msg/CompressedImage' if compressed else 'sensor_msgs/msg/Image'
-        images = writer.add_connection(topic, name, typestore=store)
-        levels = writer.add_connection('/level', 'my_msgs/msg/Level', typestore=store)
-        for index, frame in enumerate(frames()):
-            seconds, nanoseconds = divmod(FIRST + index * STEP, 10 ** 9)
-            header = kind['std_msgs/msg/Header'](
-                index, kind['builtin_interfaces/msg/Time'](seconds, nanoseconds), 'eye')
-            if compressed:
-                data = messages.compressed_image(frame, 0, '', 'png').data
-                sent = kind[name](header, 'png', data)
-            else:
-                sent = kind[name](header, 36, 48, 'bgr8', 0, 144, frame.ravel())
-            received = FIRST + index * STEP + 1000
-            writer.write(images, received, store.serialize_ros1(sent, name))
-            level = kind['my_msgs/msg/Level'](index)
-            writer.write(levels, received, store.serialize_ros1(level, 'my_msgs/msg/Level'))
-    return path
-
-
-@pytest.mark.parametrize('compressed', [False, True])
-def test_ros1(tmp_path, compressed):
-    """A ROS 1 bag gives the same frames; unknown types don't get in the way."""
-    images, truth = read_all(ros1_bag(tmp_path / 'one.bag', compressed))
-    assert truth == {}
-    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
-    assert all(image.received == image.stamp + 1000 for image in images)
-    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
-    with BagReader(tmp_path / 'one.bag') as bag:
-        assert {raw.topic for raw in bag.raw()} == {'/camera'}
-
-
-@pytest.mark.parametrize('chunks', ['BZ2', 'LZ4'])
-def test_ros1_in_compressed_chunks(tmp_path, chunks):
-    """A recorder's --bz2 and --lz4, several chunks of either, give the same frames."""
-    images, _ = read_all(ros1_bag(tmp_path / 'one.bag', chunks=chunks))
-    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
-    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
-
-
-def test_ros1_without_an_index(tmp_path):
-    """What a recorder that died leaves is called that, and the command that mends it is named."""
-    path = ros1_bag(tmp_path / 'one.bag')
-    data = path.read_bytes()
-    field = data.index(b'index_pos=') + len(b'index_pos=')
-    path.write_bytes(data[:field] + bytes(8) + data[field + 8:])
-    with pytest.raises(BagError, match='no index.*rosbag reindex'):
-        read_all(path)
-    with pytest.raises(BagError, match='still being recorded.*rosbag reindex'):
-        read_all(path.rename(tmp_path / 'one.bag.active'))
-
-
-def recorded(path, storage, mode=CompressionMode.NONE, indices=range(COUNT)):
-    """Write the bag that a recorder would, with its compression."""
-    writer = Ros2Writer(path, version=8, storage_plugin=StoragePlugin[storage.upper()])
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    store = messages.typestore()
-    with writer:
-        images = writer.add_connection('/image', messages.IMAGE, typestore=store)
-        for index in indices:
-            stamp = FIRST + index * STEP
-            sent = messages.image(frames()[index], stamp, 'eye')
-            writer.write(images, stamp, store.serialize_cdr(sent, messages.IMAGE))
-    return path
-
-
-@pytest.mark.parametrize('storage, mode', [
-    ('sqlite3', 'FILE'), ('sqlite3', 'MESSAGE'), ('mcap', 'FILE'), ('mcap', 'MESSAGE'),
-    ('mcap', 'STORAGE')])
-def test_compressed_by_the_recorder(tmp_path, storage, mode):
-    """The modes of `ros2 bag record --compression-format zstd`, and mcap's own chunks."""
-    path = recorded(tmp_path / 'bag', storage, CompressionMode[mode])
-    images, _ = read_all(path)
-    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
-    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
-    file = next(file for file in path.iterdir() if file.name != 'metadata.yaml')
-    if mode == 'STORAGE':
-        assert len(read_all(file)[0]) == COUNT
-    else:
-        # What the metadata say of it can't be seen in the file.
-        with pytest.raises(BagError, match='is compressed.*folder'):
-            read_all(file)
-
-
-@pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
-def test_split_over_files(tmp_path, storage):
-    """A recorder's --max-bag-size: one folder, several files, one stream."""
-    half = COUNT // 2
-    path = recorded(tmp_path / 'bag', storage, indices=range(half))
-    second = recorded(tmp_path / 'more', storage, indices=range(half, COUNT))
-    name, more = f'bag{SUFFIX[storage]}', f'more{SUFFIX[storage]}'
-    (second / more).rename(path / more)
-    text = (path / 'metadata.yaml').read_text()
-    text = text.replace(f'  - {name}\n', f'  - {name}\n  - {more}\n')
-    text = text.replace(f'message_count: {half}', f'message_count: {COUNT}')
-    text = text.replace(str((half - 1) * STEP), str((COUNT - 1) * STEP))
-    (path / 'metadata.yaml').write_text(text)
-    images, _ = read_all(path)
-    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
-    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
-    (path / more).unlink()
-    with pytest.raises(BagError, match=f'missing.*{more}'):
-        read_all(path)
-
-
-@pytest.mark.parametrize('recorded', ['/camera/image', 'camera/image'])
-@pytest.mark.parametrize('wanted', [None, '/camera/image', 'camera/image'])
-def test_relative_topics(tmp_path, recorded, wanted):
-    """ROS 1 records names without a slash too; they are found with and without one."""
-    with BagReader(ros1_bag(tmp_path / 'one.bag', topic=recorded)) as bag:
-        topic = bag.image_topic(wanted)
-        assert topic.name == '/camera/image'
-        assert len(list(bag.frames(wanted))) == topic.count == COUNT
-        assert {raw.topic for raw in bag.raw({wanted or recorded})} == {'/camera/image'}
-        assert bag.rate(recorded) == pytest.approx(1e9 / STEP)
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3', 'ros1'])

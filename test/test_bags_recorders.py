@@ -1,0 +1,94 @@
+"""What recorders write: ROS 1, compressed, and split over files."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+from recorded_bags import (  # noqa: E402
+    COUNT, FIRST, frames, read_all, recorded, ros1_bag, STEP, SUFFIX)
+from rosbags.rosbag2 import CompressionMode  # noqa: E402
+
+from vtrack_ros.bags import BagError, BagReader  # noqa: E402
+
+
+@pytest.mark.parametrize('compressed', [False, True])
+def test_ros1(tmp_path, compressed):
+    """A ROS 1 bag gives the same frames; unknown types don't get in the way."""
+    images, truth = read_all(ros1_bag(tmp_path / 'one.bag', compressed))
+    assert truth == {}
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(image.received == image.stamp + 1000 for image in images)
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+    with BagReader(tmp_path / 'one.bag') as bag:
+        assert {raw.topic for raw in bag.raw()} == {'/camera'}
+
+
+@pytest.mark.parametrize('chunks', ['BZ2', 'LZ4'])
+def test_ros1_in_compressed_chunks(tmp_path, chunks):
+    """A recorder's --bz2 and --lz4, several chunks of either, give the same frames."""
+    images, _ = read_all(ros1_bag(tmp_path / 'one.bag', chunks=chunks))
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+
+
+def test_ros1_without_an_index(tmp_path):
+    """What a recorder that died leaves is called that, and the command that mends it is named."""
+    path = ros1_bag(tmp_path / 'one.bag')
+    data = path.read_bytes()
+    field = data.index(b'index_pos=') + len(b'index_pos=')
+    path.write_bytes(data[:field] + bytes(8) + data[field + 8:])
+    with pytest.raises(BagError, match='no index.*rosbag reindex'):
+        read_all(path)
+    with pytest.raises(BagError, match='still being recorded.*rosbag reindex'):
+        read_all(path.rename(tmp_path / 'one.bag.active'))
+
+
+@pytest.mark.parametrize('storage, mode', [
+    ('sqlite3', 'FILE'), ('sqlite3', 'MESSAGE'), ('mcap', 'FILE'), ('mcap', 'MESSAGE'),
+    ('mcap', 'STORAGE')])
+def test_compressed_by_the_recorder(tmp_path, storage, mode):
+    """The modes of `ros2 bag record --compression-format zstd`, and mcap's own chunks."""
+    path = recorded(tmp_path / 'bag', storage, CompressionMode[mode])
+    images, _ = read_all(path)
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+    file = next(file for file in path.iterdir() if file.name != 'metadata.yaml')
+    if mode == 'STORAGE':
+        assert len(read_all(file)[0]) == COUNT
+    else:
+        # What the metadata say of it can't be seen in the file.
+        with pytest.raises(BagError, match='is compressed.*folder'):
+            read_all(file)
+
+
+@pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
+def test_split_over_files(tmp_path, storage):
+    """A recorder's --max-bag-size: one folder, several files, one stream."""
+    half = COUNT // 2
+    path = recorded(tmp_path / 'bag', storage, indices=range(half))
+    second = recorded(tmp_path / 'more', storage, indices=range(half, COUNT))
+    name, more = f'bag{SUFFIX[storage]}', f'more{SUFFIX[storage]}'
+    (second / more).rename(path / more)
+    text = (path / 'metadata.yaml').read_text()
+    text = text.replace(f'  - {name}\n', f'  - {name}\n  - {more}\n')
+    text = text.replace(f'message_count: {half}', f'message_count: {COUNT}')
+    text = text.replace(str((half - 1) * STEP), str((COUNT - 1) * STEP))
+    (path / 'metadata.yaml').write_text(text)
+    images, _ = read_all(path)
+    assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
+    assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
+    (path / more).unlink()
+    with pytest.raises(BagError, match=f'missing.*{more}'):
+        read_all(path)
+
+
+@pytest.mark.parametrize('recorded', ['/camera/image', 'camera/image'])
+@pytest.mark.parametrize('wanted', [None, '/camera/image', 'camera/image'])
+def test_relative_topics(tmp_path, recorded, wanted):
+    """ROS 1 records names without a slash too; they are found with and without one."""
+    with BagReader(ros1_bag(tmp_path / 'one.bag', topic=recorded)) as bag:
+        topic = bag.image_topic(wanted)
+        assert topic.name == '/camera/image'
+        assert len(list(bag.frames(wanted))) == topic.count == COUNT
+        assert {raw.topic for raw in bag.raw({wanted or recorded})} == {'/camera/image'}
+        assert bag.rate(recorded) == pytest.approx(1e9 / STEP)
