@@ -1,5 +1,8 @@
 """Bags as recorders of ROS 1 and ROS 2 write them, of frames that are always the same."""
 
+from struct import pack
+
+import lz4.frame
 import numpy as np
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -12,6 +15,9 @@ COUNT = 12
 STEP = 40_000_000
 FIRST = 5_000_000_123
 SUFFIX = {'mcap': '.mcap', 'sqlite3': '.db3'}
+TOPICS = ('/left', '/right')
+MCAP_MARK = b'\x89MCAP0\r\n'
+COMPRESSORS = {'': bytes, 'lz4': lz4.frame.compress}
 
 
 def frames():
@@ -33,7 +39,9 @@ def ros1_bag(path, compressed=False, topic='/camera', chunks=None):
     kind = store.types
     writer = Ros1Writer(path)
     if chunks is not None:
-        writer.set_compression(Ros1Writer.CompressionFormat[chunks])
+        if chunks != 'NONE':
+            writer.set_compression(Ros1Writer.CompressionFormat[chunks])
+        # Three images in each.
         writer.chunk_threshold = 3 * 36 * 144
     with writer:
         name = 'sensor_msgs/msg/CompressedImage' if compressed else 'sensor_msgs/msg/Image'
@@ -67,3 +75,48 @@ def recorded(path, storage, mode=CompressionMode.NONE, indices=range(COUNT)):
             sent = messages.image(frames()[index], stamp, 'eye')
             writer.write(images, stamp, store.serialize_cdr(sent, messages.IMAGE))
     return path
+
+
+def mcap_records(order=range(COUNT), in_chunk=0, compression=''):
+    """
+    Return an MCAP file with messages received in any order, and (message, where it is whole).
+
+    There are `in_chunk` messages in a chunk, or all beside chunks; a message is topic, reception
+    and data. The file has no summary.
+    """
+    schema = record(0x03, pack('<H', 1) + text('sensor_msgs/msg/Image') + text('ros2msg') +
+                    text(''))
+    file = MCAP_MARK + record(0x01, text('ros2') + text(''))
+    pending, sent = schema, []
+    for number, topic in enumerate(TOPICS):
+        pending += record(0x04, pack('<HH', number, 1) + text(topic) + text('cdr') + text(''))
+    chunk = []
+    for count, index in enumerate(order, start=1):
+        number, time = count % len(TOPICS), FIRST + index * STEP
+        data = bytes(messages.typestore().serialize_cdr(
+            messages.image(frames()[index], time, 'eye'), messages.IMAGE))
+        chunk.append((TOPICS[number], time, data))
+        pending += record(0x05, pack('<HIQQ', number, 0, time, time) + data)
+        if count % max(1, in_chunk) == 0 or count == len(order):
+            if in_chunk:
+                times = [time for _, time, _ in chunk]
+                packed = COMPRESSORS[compression](pending)
+                pending = record(0x06, pack('<QQQI', min(times), max(times), len(pending), 0) +
+                                 text(compression) + pack('<Q', len(packed)) + packed)
+            file += pending
+            sent += [(message, len(file)) for message in chunk]
+            if in_chunk:
+                # An index, which is too short and never read.
+                file += record(0x07, pack('<HI', 0, 0))
+            pending, chunk = b'', []
+    return file + record(0x0F, bytes(4)) + record(0x02, bytes(20)) + MCAP_MARK, sent
+
+
+def record(kind, content):
+    """Return a record of MCAP."""
+    return pack('<BQ', kind, len(content)) + content
+
+
+def text(content):
+    """Return a string as MCAP has it."""
+    return pack('<I', len(content)) + content.encode()

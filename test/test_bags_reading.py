@@ -109,7 +109,7 @@ def test_broken_truth_file(tmp_path, text, words):
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3', 'ros1'])
 @pytest.mark.parametrize('share', [0.0, 0.001, 0.3, 0.6, 0.9, 0.999])
 def test_truncated(tmp_path, storage, share):
-    """A bag that was cut off is called broken or empty, wherever the cut is."""
+    """A bag that was cut off after it was finished is called broken or empty, at any cut."""
     if storage == 'ros1':
         path = file = ros1_bag(tmp_path / 'one.bag')
     else:
@@ -164,16 +164,12 @@ def test_not_a_bag(tmp_path, name, content, words):
     assert name in str(caught.value)
 
 
-@pytest.mark.parametrize('metadata', [None, '', 'a: [1', 'rosbag2_bagfile_information: 3\n'])
+@pytest.mark.parametrize('metadata', ['', 'a: [1', 'rosbag2_bagfile_information: 3\n'])
 def test_broken_metadata(tmp_path, metadata):
-    """A folder without metadata is no bag; with wrong ones it's a broken one."""
+    """A folder with wrong metadata is a broken bag, though its files may be whole."""
     path = write(tmp_path / 'bag')
-    if metadata is None:
-        (path / 'metadata.yaml').unlink()
-    else:
-        (path / 'metadata.yaml').write_text(metadata)
-    words = 'metadata.*ros2 bag reindex' if metadata is None else 'broken'
-    with pytest.raises(BagError, match=words):
+    (path / 'metadata.yaml').write_text(metadata)
+    with pytest.raises(BagError, match='broken'):
         read_all(path)
 
 

@@ -31,18 +31,6 @@ def test_ros1_in_compressed_chunks(tmp_path, chunks):
     assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
 
 
-def test_ros1_without_an_index(tmp_path):
-    """What a recorder that died leaves is called that, and the command that mends it is named."""
-    path = ros1_bag(tmp_path / 'one.bag')
-    data = path.read_bytes()
-    field = data.index(b'index_pos=') + len(b'index_pos=')
-    path.write_bytes(data[:field] + bytes(8) + data[field + 8:])
-    with pytest.raises(BagError, match='no index.*rosbag reindex'):
-        read_all(path)
-    with pytest.raises(BagError, match='still being recorded.*rosbag reindex'):
-        read_all(path.rename(tmp_path / 'one.bag.active'))
-
-
 @pytest.mark.parametrize('storage, mode', [
     ('sqlite3', 'FILE'), ('sqlite3', 'MESSAGE'), ('mcap', 'FILE'), ('mcap', 'MESSAGE'),
     ('mcap', 'STORAGE')])

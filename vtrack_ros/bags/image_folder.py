@@ -22,7 +22,7 @@ def image_files(folder: Path) -> tuple[Path, ...]:
     for place in (folder / 'img', folder):
         if place.is_dir():
             files = sorted((path for path in place.iterdir()
-                            if path.suffix.lower() in _IMAGE_SUFFIXES), key=_by_number)
+                            if path.suffix.lower() in _IMAGE_SUFFIXES), key=by_number)
             if files:
                 return tuple(files)
     raise SequenceError(f'{folder}: no images, neither in img/ nor in the folder itself')
@@ -74,7 +74,8 @@ def read_ground_truth(path: Path) -> list[Box | None]:
     return boxes
 
 
-def _by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
+def by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """Return what paths are sorted by to have 2.png before 10.png."""
     parts = [(int(part), '') if part.isdecimal() else (-1, part)
              for part in re.split(r'(\d+)', path.name)]
     return parts, path.name

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 import sqlite3
 from statistics import median
@@ -14,13 +16,13 @@ from rosbags.interfaces import (
     Connection, ConnectionExtRosbag2, Qos, QosDurability, QosReliability)
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError as Ros1ReaderError
-from rosbags.rosbag2 import Reader as Ros2Reader
 from rosbags.rosbag2 import ReaderError as Ros2ReaderError
 from rosbags.serde import SerdeError
 from rosbags.typesys import TypesysError
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.storage_files import open_storage, Storage, storage_files
 from vtrack_ros.bags.topics import absolute, Topic
 from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
 from vtrack_ros.frame import Frame
@@ -32,7 +34,7 @@ _BROKEN = (
     Ros1ReaderError, Ros2ReaderError, SerdeError, TypesysError, sqlite3.Error, struct.error,
     AssertionError, AttributeError, EOFError, IndexError, KeyError,
     MemoryError, OverflowError, RuntimeError, TypeError, ValueError)
-#: What compressed data begins with.
+#: What compressed data begins with, and no message.
 _ZSTD = b'\x28\xb5\x2f\xfd'
 
 
@@ -65,40 +67,71 @@ class BagReader:
     """
     Reads a rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 .bag; a context manager.
 
-    BagError if it's missing, empty, truncated or otherwise broken: when it's opened, or when what
-    is broken comes up.
+    What a recorder that died leaves is read as far as it goes: a file without an end or an index,
+    and a folder without metadata.yaml, whose last file need not be one. Then `notice` says so.
+    BagError if a bag is missing, empty, or otherwise broken, or holds less than its metadata.yaml
+    or index promises: when it's opened, or when what is broken comes up.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._reader: Ros1Reader | Ros2Reader
+        #: A line about a bag that its recorder didn't finish, once it's open.
+        self.notice: str | None = None
+        self._readers: list[Storage]
 
     def __enter__(self) -> BagReader:
         """Open the bag."""
-        self._check_path()
-        try:
-            self._reader = (Ros1Reader if self._is_ros1 else Ros2Reader)(self.path)
-            self._reader.open()
-            empty = self._reader.message_count == 0
-        except OSError as error:
-            raise BagError(f"{self.path} can't be read: {error.strerror or error}") from None
-        except Exception as error:
-            # The storages, and the compression below them, raise what they like.
-            raise self._broken(error) from error
-        if empty:
-            self._reader.close()
-            raise BagError(f'{self.path} is empty: it holds no message')
+        self._readers = []
+        with ExitStack() as opened:
+            try:
+                missing, left_out = self._open_files(opened)
+            except OSError as error:
+                raise BagError(f"{self.path} can't be read: {error.strerror or error}") from None
+            self._is_ros1 = isinstance(self._readers[0], Ros1Reader)
+            count = self._message_count()
+            unfinished = f'has no {missing}, as if its recorder had died'
+            if not count:
+                raise BagError(f'{self.path} {unfinished}, and no whole message' if missing else
+                               f'{self.path} is empty: it holds no message')
+            if missing:
+                self.notice = f'{self.path} {unfinished}; whole messages in it: {count}{left_out}'
+            self._opened = opened.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Close the bag."""
-        self._reader.close()
+        self._opened.close()
+
+    def _open_files(self, opened: ExitStack) -> tuple[str, str]:
+        """Open all files; return what the recorder left out, and which file can't be read."""
+        files = storage_files(self.path)
+        missing = '' if files == [self.path] else 'metadata.yaml'
+        for file in files:
+            try:
+                reader, missing_there = open_storage(file)
+            except Exception as error:
+                # The storages, and the compression below them, raise what they like; bz2 raises
+                # an OSError that the system knows nothing of.
+                if isinstance(error, OSError) and error.errno is not None:
+                    raise
+                if file == files[-1] and self._message_count():
+                    # A recorder may have died just after it made the file.
+                    return missing, f', and none in {file.name}'
+                raise self._broken(error, '' if file == self.path else f'in {file.name}'
+                                   ) from error
+            opened.callback(reader.close)
+            self._readers.append(reader)
+            missing = missing or missing_there
+        return missing, ''
+
+    def _message_count(self) -> int:
+        return sum(reader.message_count for reader in self._readers)
 
     @property
     def topics(self) -> dict[str, Topic]:
         """Return the topics by name, which begins with a slash even if it was recorded without."""
         found: dict[str, Topic] = {}
-        for connection in self._reader.connections:
+        for connection in self._connections():
             # ROS 1 records relative names as they are; to play them is to resolve them.
             name = absolute(connection.topic)
             earlier = found.get(name)
@@ -113,7 +146,9 @@ class BagReader:
     @property
     def duration(self) -> float:
         """Return the time from the first message to the last, in seconds."""
-        return max(0, self._reader.duration - 1) / 1e9
+        first = min(reader.start_time for reader in self._readers)
+        # rosbags' end is a nanosecond after the last message.
+        return max(0, max(reader.end_time for reader in self._readers) - 1 - first) / 1e9
 
     def image_topic(self, name: str | None = None) -> Topic:
         """Return the topic of that name, or the only image topic there is; BagError for none."""
@@ -147,14 +182,13 @@ class BagReader:
         A bag that is broken, or ends before all promised messages came, is a BagError.
         """
         wanted = None if topics is None else set(map(absolute, topics))
-        chosen = [connection for connection in self._reader.connections
-                  if (wanted is None or absolute(connection.topic) in wanted)
-                  and self._known(connection)]
-        if not chosen:
-            return
-        promised = sum(connection.msgcount for connection in chosen)
+        chosen = [[connection for connection in reader.connections
+                   if (wanted is None or absolute(connection.topic) in wanted)
+                   and self._known(connection)] for reader in self._readers]
+        promised = sum(connection.msgcount for connection in chain(*chosen))
         count = 0
-        source = self._reader.messages(chosen)
+        source = chain.from_iterable(
+            reader.messages(some) for reader, some in zip(self._readers, chosen) if some)
         while True:
             try:
                 connection, received, recorded = next(source)
@@ -166,6 +200,9 @@ class BagReader:
             except Exception as error:
                 # The storages raise what they like, and nothing but a storage runs here.
                 raise self._broken(error, f'after {count} messages') from error
+            if data[:4] == _ZSTD:
+                raise BagError(f'{self.path} is compressed, message by message: it is read as a '
+                               'folder with the metadata.yaml that says so')
             count += 1
             yield RawMessage(absolute(connection.topic), connection.msgtype, received, data)
         if count < promised:
@@ -215,9 +252,8 @@ class BagReader:
         folder = self.path if self.path.is_dir() else self.path.parent
         return read_truth(folder / TRUTH_FILE) if (folder / TRUTH_FILE).is_file() else {}
 
-    @property
-    def _is_ros1(self) -> bool:
-        return self.path.suffix == '.bag' and self.path.is_file()
+    def _connections(self) -> Iterator[Connection]:
+        return chain.from_iterable(reader.connections for reader in self._readers)
 
     def _known(self, connection: Connection) -> bool:
         return not self._is_ros1 or connection.msgtype in messages.typestore().fielddefs
@@ -226,39 +262,11 @@ class BagReader:
         try:
             return messages.typestore().deserialize_cdr(raw.data, raw.message_type)
         except _BROKEN as error:
-            if bytes(raw.data[:4]) == _ZSTD:
-                raise self._compressed() from None
             raise self._broken(error, f'in a message of {raw.topic}') from error
-
-    def _check_path(self) -> None:
-        path = self.path
-        if not path.exists():
-            raise BagError(f'{path} does not exist')
-        if path.is_file():
-            if path.suffix == '.active':
-                raise BagError(f'{path} is still being recorded, or was when its recorder died: '
-                               'then rename it to .bag and run `rosbag reindex` on it')
-            if path.suffix == '.zstd':
-                raise self._compressed()
-            if path.suffix not in ('.mcap', '.db3', '.bag'):
-                raise BagError(f'{path} is not a bag: it must be a rosbag2 folder or a .mcap, '
-                               '.db3 or .bag file')
-            if path.stat().st_size == 0:
-                raise BagError(f'{path} is empty: it has no byte')
-        elif not (path / 'metadata.yaml').is_file():
-            raise BagError(f'{path} is not a rosbag2 folder: it has no metadata.yaml; if its '
-                           f'recorder died, `ros2 bag reindex {path}` writes one')
-
-    def _compressed(self) -> BagError:
-        return BagError(f'{self.path} is compressed: read the folder that it belongs to, whose '
-                        'metadata.yaml says how')
 
     def _broken(self, error: Exception, where: str = '') -> BagError:
         reason = str(error).strip().splitlines()
         text = reason[0] if reason else type(error).__name__
-        if 'not indexed' in text:
-            return BagError(f'{self.path} has no index, as its recorder died: '
-                            f'`rosbag reindex {self.path}` of ROS 1 writes one')
         place = f' {where}' if where else ''
         return BagError(f'{self.path} is broken or truncated{place}: {text}')
 

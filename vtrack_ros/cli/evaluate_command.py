@@ -9,6 +9,7 @@ from typing import Any
 
 from vtrack_ros.bags import SequenceError
 from vtrack_ros.cli.arguments import positive_integer, seed
+from vtrack_ros.cli.command_line import complain
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.evaluator import evaluate
@@ -144,7 +145,10 @@ def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Prob
         if not path.exists():
             raise ValueError(f'{path}: no such bag')
         try:
-            found.append(read_bag(path, arguments.topic))
+            bag = read_bag(path, arguments.topic)
+            if bag.notice:
+                complain('vtrack evaluate', f'warning: {bag.notice}')
+            found.append(bag)
         except SequenceError as error:
             broken[str(path)] = str(error)
     if arguments.scenes:

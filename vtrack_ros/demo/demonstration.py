@@ -90,6 +90,8 @@ def _demonstrate(options: argparse.Namespace) -> int:
     from vtrack_ros.demo.processes import DemoError, run
     from vtrack_ros.ros.recorder import Answer
     with BagReader(options.bag) as bag:
+        if bag.notice:
+            complain('demo', f'warning: {bag.notice}')
         topic, truth = bag.image_topic(options.topic), bag.truth()
         start = options.init_box or truth.get(next(bag.frames(topic.name)).stamp)
         if start is None:

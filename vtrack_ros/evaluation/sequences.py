@@ -123,13 +123,14 @@ class BagSequence(Sequence):
     The images of a bag's topic, from the `first` one with a true box on.
 
     `intervals`, shape (n,), is the time since the image before, in frame intervals: more than 1
-    where some dropped.
+    where some dropped. `notice` is the reader's, where the recorder didn't finish the bag.
     """
 
     path: Path
     topic: str
     first: int
     intervals: Array
+    notice: str | None = None
 
     @property
     def video(self) -> str:
@@ -171,6 +172,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
         name = bag.image_topic(topic).name
         boxes = bag.truth()
         stamps = [stamped.stamp for stamped in bag.frames(name)]
+        notice = bag.notice
     if not boxes:
         raise SequenceError(f'{path}: the bag has no truth, neither as a topic nor as a CSV')
     first = next((index for index, stamp in enumerate(stamps) if boxes.get(stamp)), None)
@@ -185,7 +187,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     intervals = [1.0, *(estimator.steps(after - before)
                         for before, after in zip(stamps, stamps[1:]))]
     return BagSequence(path.resolve().stem, truth_rows(boxes[stamp] for stamp in stamps), path,
-                       name, first, np.array(intervals))
+                       name, first, np.array(intervals), notice)
 
 
 @dataclass(frozen=True)

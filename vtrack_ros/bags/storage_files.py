@@ -1,0 +1,78 @@
+"""The files that a bag consists of, and the rosbags reader for each."""
+
+from pathlib import Path
+
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag2 import Reader as Ros2Reader
+
+from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.image_folder import by_number
+from vtrack_ros.bags.unindexed_mcap import unindexed_mcap
+from vtrack_ros.bags.unindexed_ros1 import unindexed_ros1
+
+#: rosbags' reader of a folder with metadata, or of a file.
+Storage = Ros1Reader | Ros2Reader
+
+
+def storage_files(path: Path) -> list[Path]:
+    """
+    Return what a bag is read from: itself, or the files of a folder without metadata in order.
+
+    BagError if it's no bag by its name, or the folder has no files, or no such files, of a bag.
+    """
+    if path.is_dir():
+        return [path] if (path / 'metadata.yaml').is_file() else _files_in(path)
+    if not path.exists():
+        raise BagError(f'{path} does not exist')
+    if path.suffix == '.zstd':
+        raise BagError(f'{path} is compressed: read the folder that it belongs to, whose '
+                       'metadata.yaml says how')
+    if not path.name.endswith(('.mcap', '.db3', '.bag', '.bag.active')):
+        raise BagError(f'{path} is not a bag: it must be a rosbag2 folder or a .mcap, .db3 or '
+                       '.bag file')
+    if path.stat().st_size == 0:
+        raise BagError(f'{path} is empty: it has no byte')
+    return [path]
+
+
+def open_storage(path: Path) -> tuple[Storage, str]:
+    """
+    Open one of the `storage_files`; return its reader, and what the recorder left out of it.
+
+    That's empty for most. Raises what rosbags and the storages below it do.
+    """
+    reader: Storage
+    missing = ''
+    if path.suffix in ('.bag', '.active'):
+        bag = unindexed_ros1(path)
+        reader, missing = Ros1Reader(bag or path), 'index' if bag else ''
+    elif path.suffix == '.mcap':
+        file = unindexed_mcap(path)
+        reader, missing = Ros2Reader(file or path), 'end' if file else ''
+    else:
+        # SQLite would have to write into the file to have what its log holds.
+        log = path.with_name(f'{path.name}-wal')
+        reader = Ros2Reader(path)
+        missing = 'end' if log.is_file() and log.stat().st_size else ''
+    reader.open()
+    return reader, missing
+
+
+def _files_in(folder: Path) -> list[Path]:
+    names = [path.name for path in folder.iterdir()]
+    packed = sorted(name for name in names if name.endswith(('.mcap.zstd', '.db3.zstd'))
+                    and name.removesuffix('.zstd') not in names)
+    files = sorted((folder / name for name in names if name.endswith(('.mcap', '.db3'))),
+                   key=by_number)
+    if packed:
+        # `ros2 bag reindex` finds no compressed files (ros2/rosbag2, issue 990).
+        raise BagError(
+            f'{folder} has no metadata.yaml, which says how its files are compressed: unpack '
+            f"each, as by `zstd -d {packed[0]} -o {packed[0].removesuffix('.zstd')}`")
+    if not files:
+        raise BagError(f'{folder} is not a rosbag2 folder: it has no metadata.yaml, and no .mcap '
+                       'or .db3 file either')
+    if len({file.suffix for file in files}) > 1:
+        raise BagError(f'{folder} has no metadata.yaml, and both .mcap and .db3 files: which of '
+                       'them are the bag? Read one file, or keep each kind in a folder of its own')
+    return files
