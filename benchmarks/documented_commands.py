@@ -50,11 +50,9 @@ OTHERS = {
 VERBS = ('launch', 'param', 'security', 'topic')
 #: What else isn't run, by what stands in it.
 LEFT = {
-    '--enclave': 'needs a Fast DDS with security; test/test_security.py has the policy',
+    '--enclave': 'needs a Fast DDS with security; test/test_node_parameters.py has it refused',
     'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
     'ros2 launch': 'needs ROS 2 installed; test/test_node_files.py has the launch files',
-    'ros2 bag': 'needs ROS 2 installed',
-    'ros2 run usb_cam': "needs ROS 2 installed; another package's",
     'ros2 topic': 'needs ROS 2 installed; type and content are checked, test_node_*.py send such',
     'ros2 param': 'needs ROS 2 installed; name and value are checked; test_node_parameters.py',
     'tcp://HOST:8786': 'needs a cluster; test/test_evaluation_running.py has one',

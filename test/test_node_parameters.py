@@ -257,10 +257,11 @@ def test_arguments(arguments, code, told):
 
 def test_middleware_that_refuses(tmp_path):
     """A node that isn't let in, for it has no keys or the middleware no locks, says so."""
-    (tmp_path / 'enclaves').mkdir()
+    (tmp_path / 'enclaves' / 'vtrack' / 'tracker').mkdir(parents=True)
     secured = {'ROS_SECURITY_KEYSTORE': str(tmp_path), 'ROS_SECURITY_ENABLE': 'true',
                'ROS_SECURITY_STRATEGY': 'Enforce'}
-    process = NodeProcess(prelude=f'import os; os.environ.update({secured})')
+    process = NodeProcess('--enclave', '/vtrack/tracker',
+                          prelude=f'import os; os.environ.update({secured})')
     assert process.process.wait(20) == 2
     process.stop()
     last = process.log.splitlines()[-1]
