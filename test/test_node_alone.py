@@ -174,6 +174,17 @@ def test_slip_of_the_pen_from_the_start_is_told():
         assert 'gmpf.particles' in log
 
 
+def test_quality_of_service_that_is_not_overridden_is_told():
+    """Other nodes have qos_overrides; here they'd be in vain, and what is instead is said."""
+    name = 'qos_overrides./image.subscription.reliability'
+    clock = 'qos_overrides./clock.subscription.depth'
+    with NodeProcess('-p', f'{name}:=best_effort', '-p', f'{clock}:=2') as process:
+        log = process.wait_for_log(f"unknown parameter '{name}' ignored; inputs take")
+        assert "'reliability'" in log
+        process.wait_for_log('waiting, after inactive')
+        assert '/clock' not in process.log
+
+
 def test_example_of_the_manual(repository):
     """The program that node.md shows points out a target, and prints its boxes."""
     text = (repository / 'docs' / 'node.md').read_text()

@@ -21,6 +21,9 @@ INIT_BOX = 'init_box'
 INIT_BOX_DESCRIPTION = (
     'The target on the first frame of the stream: x, y, width, height in pixels of the image. '
     'Empty: wait for a selection.')
+#: What is said to whom rclpy's own parameters for that would do nothing.
+_QUALITY = ('inputs take what their publisher offers, and the newest message alone; the images '
+            "have the parameter 'reliability'")
 
 #: The node's own parameters; every tracker's own ones come beside them, behind its name.
 NODE_PARAMETERS = ParameterTable([
@@ -158,9 +161,11 @@ class ParameterNode(Node):
         # rclpy takes no notice of these, and a slip of the pen would go unseen. They may be meant
         # for other nodes of the same file, so that they are no reason to stop.
         for full in sorted(self._parameter_overrides):
-            if not self.has_parameter(full) and not full.startswith('qos_overrides.'):
-                Node.get_logger(self).warning(
-                    f'unknown parameter {full!r} ignored; valid are {self._neighbours(full)}')
+            if self.has_parameter(full) or full.startswith('qos_overrides./clock.'):
+                continue
+            quality = full.startswith('qos_overrides.')
+            valid = _QUALITY if quality else f'valid are {self._neighbours(full)}'
+            Node.get_logger(self).warning(f'unknown parameter {full!r} ignored; {valid}')
         values = {full: self.get_parameter(full).value for full in self._table}
         own, trackers = _by_owner(values)
         self.settings = NodeSettings(own)
