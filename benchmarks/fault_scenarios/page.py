@@ -68,7 +68,7 @@ def _soak(soak: dict[str, Any]) -> list[str]:
              f'{len(rows)} minutes at {soak["rate_hz"]:g} Hz, {soak["date"]}: {answered} of '
              f'{sent} images answered, the others replaced by newer ones while',
              'the processor was taken. *Stolen* is the share of the machine that its host gave to',
-             'others; the last minute of which it took no more than of the first stands beside them.',
+             'others; the last minute of which it took no more than of the first stands beside.',
              '', f'| | minute 1 | minute {like + 1} | minute {len(rows)} | wanted |',
              '| --- | ---: | ---: | ---: | --- |']
     for name, key, wanted in (
