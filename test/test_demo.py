@@ -152,8 +152,12 @@ def test_summary_without_truth():
     assert 'no truth' in figures_table(figures)
 
 
-def test_camera(repository, tmp_path):
-    """Where there is no camera a scene is shown; the page has its pictures; Ctrl-C ends all."""
+@pytest.mark.parametrize('end', [
+    lambda process: os.killpg(process.pid, signal.SIGINT), subprocess.Popen.terminate,
+    lambda process: process.send_signal(signal.SIGHUP)],
+    ids=['Ctrl-C', 'terminated', 'closed'])
+def test_camera(repository, tmp_path, end):
+    """Where there is no camera a scene is shown; the page has its pictures; its end is all's."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo', '--camera', '999', '--no-browser', '--out',
          str(tmp_path)], cwd=repository, env=dict(os.environ), stdout=subprocess.PIPE,
@@ -168,7 +172,7 @@ def test_camera(repository, tmp_path):
                 while (await socket.receive(60)).type is not aiohttp.WSMsgType.BINARY:
                     pass
         asyncio.run(picture())
-        os.killpg(process.pid, signal.SIGINT)
+        end(process)
         output = process.communicate(timeout=60)[0]
     finally:
         process.kill()
