@@ -11,33 +11,20 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-import subprocess
 import sys
-from typing import Any
 
-import cv2
-from node_bench import Answers, Bench, scene, tracker_arguments
-import numpy as np
+from node_bench import Answers, Bench, child, compressed, scene, tracker_arguments
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from result_files import facts_text
 from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import Detection2DArray
 
-from vtrack_ros.dds import reserve_domain, with_profile
+from vtrack_ros.dds import reserve_domain, VARIABLES, with_profile
 from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.table import markdown
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30
-PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
-
-
-def compressed(image: Any) -> Any:
-    """Return an image as a driver's image_transport compresses it."""
-    frame = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)
-    message = CompressedImage(header=image.header, format='bgr8; jpeg compressed bgr8')
-    message.data = cv2.imencode('.jpg', frame)[1].tobytes()
-    return message
 
 
 def jpeg(width: int, height: int) -> int:
@@ -59,10 +46,8 @@ def answered(bench: Bench, size: tuple[int, int], transport: str, reliability: R
     hearing = bench.node.create_subscription(
         Detection2DArray, '/ours/detections', answers.hear, 1000)
     arguments = tracker_arguments('ours', 'gmpf', box, '-p', f'image_transport:={transport}')
-    process = subprocess.Popen(
-        [sys.executable, *arguments],
-        env=with_profile(os.environ) if node_alone else dict(os.environ))
-    try:
+    surroundings = with_profile(os.environ) if node_alone else os.environ
+    with child(*arguments, environment=surroundings):
         bench.until(lambda: publisher.get_subscription_count() and hearing.get_publisher_count(),
                     'no node was found')
         # what adapts to the publisher has done so
@@ -72,11 +57,8 @@ def answered(bench: Bench, size: tuple[int, int], transport: str, reliability: R
             answers.send(publisher, images[number % len(images)], number * round(1e9 / RATE))
             bench.rest(1 / RATE)
         bench.rest(1.0)
-    finally:
-        process.terminate()
-        process.wait()
-        bench.node.destroy_publisher(publisher)
-        bench.node.destroy_subscription(hearing)
+    bench.node.destroy_publisher(publisher)
+    bench.node.destroy_subscription(hearing)
     return f'{len(answers.latency_ms)} of {count}'
 
 
@@ -87,7 +69,8 @@ def main() -> int:
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
     arguments = parser.parse_args()
     guard = reserve_domain()
-    os.environ.pop(PROFILE, None)
+    for name in VARIABLES:
+        os.environ.pop(name, None)
     bench = Bench()
     weak, strong = ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE
     rows = [['images', 'best effort', 'reliable']]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -12,10 +12,11 @@ import sys
 import time
 from typing import Any
 
+import cv2
 import numpy as np
 import rclpy
 from rclpy.node import Node
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 
 from vtrack_ros.bags.messages import detected_box
 from vtrack_ros.dds import with_profile
@@ -111,9 +112,11 @@ class Answers:
 
 
 @contextmanager
-def child(*arguments: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run Python with arguments, with the Fast DDS profile, until the block ends."""
-    process = subprocess.Popen([sys.executable, *arguments], env=with_profile(os.environ))
+def child(*arguments: str, environment: Mapping[str, str] | None = None,
+          ) -> Iterator[subprocess.Popen[bytes]]:
+    """Run Python with arguments until the block ends; with the Fast DDS profile by default."""
+    process = subprocess.Popen(
+        [sys.executable, *arguments], env=environment or with_profile(os.environ))
     try:
         yield process
     finally:
@@ -156,6 +159,14 @@ def scene(width: int, height: int) -> tuple[list[Any], str]:
         message.data = frame.tobytes()
         messages.append(message)
     return messages, str(target_box(0, width, height).as_array().astype(int).tolist())
+
+
+def compressed(image: Any) -> Any:
+    """Return an image in colour as a driver's image_transport compresses it."""
+    frame = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)
+    message = CompressedImage(header=image.header, format='bgr8; jpeg compressed bgr8')
+    message.data = cv2.imencode('.jpg', frame)[1].tobytes()
+    return message
 
 
 def cpu_seconds(pid: int) -> float:

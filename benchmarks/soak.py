@@ -85,6 +85,11 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
         bench.until(lambda: publisher.get_subscription_count()
                     and all(one.get_publisher_count() for one in hearing), 'no node was found')
         count, number = round(seconds * rate), 0
+
+        def send() -> None:
+            nonlocal number
+            number += 1
+            answers.send(publisher, images[number % len(images)], number * period)
         while not answers.found:
             # The box is that of the first image, whichever of these comes first.
             number += len(images)
@@ -95,8 +100,7 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
         for _ in range(_HALTS):
             process.send_signal(signal.SIGSTOP)
             for _ in range(round(rate)):
-                number += 1
-                answers.send(publisher, images[number % len(images)], number * period)
+                send()
                 time.sleep(1 / rate)
             process.send_signal(signal.SIGCONT)
             bench.rest(1.0)
@@ -106,8 +110,7 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
             compute.clear()
             cpu, before = cpu_seconds(process.pid), machine_ticks()
             for _ in range(count):
-                number += 1
-                answers.send(publisher, images[number % len(images)], number * period)
+                send()
                 due += 1 / rate
                 bench.rest(due - time.perf_counter())
             # The answers to the last ones.

@@ -20,13 +20,10 @@ import sys
 import time
 from typing import Any
 
-import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
-from node_bench import Answers, Bench, scene, tracker_arguments
-import numpy as np
+from node_bench import Answers, Bench, compressed, scene, tracker_arguments
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from result_files import write_json
-from sensor_msgs.msg import CompressedImage
 from vision_msgs.msg import Detection2DArray
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -134,12 +131,7 @@ def send(transport: str, reliability: str, seconds: float) -> None:
     bench = Bench()
     images: list[Any] = scene(640, 480)[0]
     if transport == 'compressed':
-        for index, image in enumerate(images):
-            pixels = np.frombuffer(image.data, np.uint8).reshape(480, 640, 3)
-            images[index] = CompressedImage(format='bgr8; jpeg compressed bgr8')
-            images[index].data = cv2.imencode('.jpg', pixels)[1].tobytes()
-    for image in images:
-        image.header.frame_id = 'camera'
+        images = [compressed(one) for one in images]
     answers, missing = Answers(), list[int]()
     publisher = bench.node.create_publisher(
         type(images[0]), '/ours/image' + '/compressed' * (transport == 'compressed'),

@@ -144,5 +144,11 @@ def complain(prog: str, message: str) -> int:
     return 2
 
 
+def warn(prog: str, notice: str | None) -> None:
+    """Print what there is to be said of a bag, if anything, as one line on standard error."""
+    if notice:
+        complain(prog, f'warning: {notice}')
+
+
 if __name__ == '__main__':
     sys.exit(main())

@@ -9,7 +9,7 @@ from typing import Any
 
 from vtrack_ros.bags import SequenceError
 from vtrack_ros.cli.arguments import positive_integer, seed
-from vtrack_ros.cli.command_line import complain
+from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.evaluator import evaluate
@@ -146,8 +146,7 @@ def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Prob
             raise ValueError(f'{path}: no such bag')
         try:
             bag = read_bag(path, arguments.topic)
-            if bag.notice:
-                complain('vtrack evaluate', f'warning: {bag.notice}')
+            warn('vtrack evaluate', bag.notice)
             found.append(bag)
         except SequenceError as error:
             broken[str(path)] = str(error)

@@ -9,7 +9,7 @@ import sys
 from vtrack_ros.bags import BagReader
 from vtrack_ros.bags.player import Pace, Played, Player
 from vtrack_ros.cli.arguments import duration, positive_number
-from vtrack_ros.cli.command_line import complain
+from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
 
 EXAMPLES = """examples:
@@ -45,8 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
     with BagReader(arguments.bag) as bag:
-        if bag.notice:
-            complain('vtrack play', f'warning: {bag.notice}')
+        warn('vtrack play', bag.notice)
         rclpy = load_rclpy('playing')
         context = rclpy.context.Context()
         # Our own handlers end the player between two messages, after a last word.

@@ -10,7 +10,7 @@ from vtrack_ros.bags import BagReader
 from vtrack_ros.bags.replay import replay, WAITING
 from vtrack_ros.bags.result_folder import ResultFolder
 from vtrack_ros.cli.arguments import box, seed
-from vtrack_ros.cli.command_line import complain
+from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.progress import with_progress
 from vtrack_ros.drawing import Film
 from vtrack_ros.evaluation.stream_score import figures_table, StreamScore
@@ -71,8 +71,7 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
     malformed: list[str] = []
     with ExitStack() as stack:
         bag = stack.enter_context(BagReader(arguments.bag))
-        if bag.notice:
-            complain('vtrack replay', f'warning: {bag.notice}')
+        warn('vtrack replay', bag.notice)
         topic, truth = bag.image_topic(arguments.topic), bag.truth()
         if arguments.init is None and not any(truth.values()):
             raise ValueError(f'{arguments.bag} does not say where the target is: '

@@ -17,7 +17,7 @@ from vtrack_ros.bags import BagError, BagReader
 from vtrack_ros.bags.messages import COMPRESSED_IMAGE
 from vtrack_ros.bags.topics import Topic
 from vtrack_ros.cli.arguments import box, positive_number, seed
-from vtrack_ros.cli.command_line import complain, in_words, negative_values, Parser
+from vtrack_ros.cli.command_line import complain, in_words, negative_values, Parser, warn
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.dds import reserve_domain, with_profile
 from vtrack_ros.drawing import Film
@@ -90,8 +90,7 @@ def _demonstrate(options: argparse.Namespace) -> int:
     from vtrack_ros.demo.processes import DemoError, run
     from vtrack_ros.ros.recorder import Answer
     with BagReader(options.bag) as bag:
-        if bag.notice:
-            complain('demo', f'warning: {bag.notice}')
+        warn('demo', bag.notice)
         topic, truth = bag.image_topic(options.topic), bag.truth()
         start = options.init_box or truth.get(next(bag.frames(topic.name)).stamp)
         if start is None:
