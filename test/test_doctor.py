@@ -1,6 +1,7 @@
 """`vtrack doctor`: what it says of real publishers, and without ROS."""
 
 import os
+from pathlib import Path
 import subprocess
 import sys
 import threading
@@ -9,8 +10,9 @@ from node_harness import Client, END_WITH_PARENT, image_message, Scene
 import pytest
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image
+from vtrack_ros.cli import installation
 from vtrack_ros.cli.command_line import main
-from vtrack_ros.dds import profile_path, VARIABLES
+from vtrack_ros.dds import abandoned_memory, profile_path, SHARED_MEMORY, VARIABLES, with_profile
 
 #: A camera that sends VGA images in colour, best effort, 30 a second, until it is ended.
 CAMERA = END_WITH_PARENT + """
@@ -25,6 +27,15 @@ message = Image(height=480, width=640, encoding='bgr8', step=1920, data=bytes(92
 while True:
     publisher.publish(message)
     time.sleep(1 / 30)
+"""
+
+#: A node that does nothing until it is ended.
+IDLE = """
+import rclpy
+rclpy.init()
+node = rclpy.create_node('idle')
+print('ready', flush=True)
+input()
 """
 
 
@@ -64,6 +75,34 @@ def test_profile(monkeypatch, capsys, value, words):
     assert code == int(words.startswith('wrong'))
     assert starting(found, words)
     assert starting(found, 'note  nobody publishes images')
+
+
+def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
+    """Killed, a process leaves its segment of 64 MiB; that of one that runs is none of these."""
+    camera = subprocess.Popen(
+        [sys.executable, '-c', END_WITH_PARENT + IDLE],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=with_profile(os.environ))
+    assert camera.stdout.readline()
+    segments = {line.split()[-1] for line in Path(f'/proc/{camera.pid}/maps').open()
+                if '/dev/shm/fastrtps_' in line and 'port' not in line}
+    for segment in segments:
+        for path in (segment, f'{segment}_el'):
+            (tmp_path / Path(path).name).symlink_to(path)
+    monkeypatch.setattr(installation, 'SHARED_MEMORY', tmp_path)
+    try:
+        assert abandoned_memory(tmp_path) == 0
+        assert 'killed' not in installation.shared_memory().text
+        camera.kill()
+        camera.wait()
+        assert 64 * 2**20 <= abandoned_memory(tmp_path) < 70 * 2**20
+        _, found = lines(capsys, '--seconds', '0')
+        text = next(line for line in found if 'of shared memory are free' in line)
+        assert 'MiB are left of processes that were killed' in text
+        assert any('fastdds shm clean' in line for line in found)
+    finally:
+        camera.kill()
+        for path in tmp_path.iterdir():
+            (SHARED_MEMORY / path.name).unlink()
 
 
 def test_middleware_that_is_not_there(monkeypatch, capsys):

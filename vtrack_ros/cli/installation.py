@@ -11,7 +11,8 @@ import subprocess
 import sys
 
 import vtrack_ros
-from vtrack_ros.dds import PROFILE, profile_path, RECEIVING, VARIABLES
+from vtrack_ros.dds import (
+    abandoned_memory, PROFILE, profile_path, RECEIVING, SHARED_MEMORY, VARIABLES)
 
 #: What is imported for what; the extra of this package that brings it.
 _OPTIONAL = {
@@ -19,8 +20,8 @@ _OPTIONAL = {
     'jinja2': ('reports', 'tools'), 'matplotlib': ('reports', 'tools'),
     'tqdm': ('progress bars', 'tools'), 'threadpoolctl': ('vtrack evaluate', 'tools'),
     'aiohttp': ('vtrack select', 'select')}
-#: Where processes of a machine share memory, and how much of it two of them need, in bytes.
-_SHARED, _NEEDED = Path('/dev/shm'), 2 * 64 * 2**20
+#: How much shared memory two processes need, and how much of it is worth to be freed, in bytes.
+_NEEDED, _ABANDONED = 2 * 64 * 2**20, 64 * 2**20
 
 
 @dataclass(frozen=True)
@@ -99,11 +100,15 @@ def profile(environment: Mapping[str, str]) -> Finding:
 
 def shared_memory() -> Finding:
     """Return whether processes can share as much memory as images need."""
-    if not _SHARED.is_dir():
-        return Finding(f'{sys.platform} has no {_SHARED}: images go over the network')
-    free = shutil.disk_usage(_SHARED).free
+    if not SHARED_MEMORY.is_dir():
+        return Finding(f'{sys.platform} has no {SHARED_MEMORY}: images go over the network')
+    free, abandoned = shutil.disk_usage(SHARED_MEMORY).free, abandoned_memory(SHARED_MEMORY)
     text = f'{free / 2**20:.0f} MiB of shared memory are free'
+    if abandoned >= _ABANDONED:
+        text += f'; {abandoned / 2**20:.0f} MiB are left of processes that were killed'
+        advice = 'fastdds shm clean frees what they left'
+    else:
+        advice = 'in a container: docker run --ipc=host, or --shm-size=1g'
     if free < _NEEDED:
-        return Finding(text + ', too little for images', 'in a container: docker run --ipc=host, '
-                       'or --shm-size=1g', wrong=True)
-    return Finding(text)
+        return Finding(text + ', too little for images', advice, wrong=True)
+    return Finding(text, advice if abandoned >= _ABANDONED else '')
