@@ -32,6 +32,7 @@ from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.localisation import guided_search, hypotheses, target_model
+from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.guided_search import GuidedSearch
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.trackers import create_tracker
@@ -74,6 +75,8 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     'the share of the first frame': lambda: [
         patch.object(target_model, '_FIRST_IN_FILTER', 0.0),
         patch.object(target_model, '_FIRST_IN_SCALE', 0.0)],
+    'the global search': lambda: [
+        patch.object(GlobalSearch, 'update', lambda self, *_: None)],
     're-detection': lambda: [patch.object(Redetection, 'update', _unsearched)]}
 
 

@@ -148,6 +148,12 @@ class Hypotheses:
         elsewhere = self._leader.update(frame, response, center, dt)
         if self.network is not None:
             return elsewhere
+        if self._leader.restarted:
+            self._other.restart_beside(self._leader)
+            self._similarities = {self._leader: self._leader.similarity,
+                                  self._other: self._leader.similarity / _GIVES_UP}
+            self._agreed = {each: each.snapshot for each in self._similarities}
+            self._apart, self._latest = 0, self._leader.center
         self._frames += 1
         self._waiting += dt
         # no frame should take much longer than the others: the two measure sizes in turns

@@ -9,6 +9,7 @@ import numpy as np
 
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
 from vtrack_ros.localisation.redetection import Redetection
@@ -62,6 +63,9 @@ class Localiser:
         self._presence = PresenceDetector()
         self._velocity = VelocityEstimate()
         self._failure: Redetection | None = None
+        self._global = GlobalSearch(model, self._template, size, rng)
+        self.restarted = False
+        """Whether the last update began again elsewhere, with what was learned first."""
 
     @property
     def center(self) -> Point:
@@ -131,6 +135,16 @@ class Localiser:
                 elsewhere, sharpness = True, verdict.sharpness
             if verdict.over:
                 self._failure = None
+        self.restarted = False
+        if elsewhere:
+            self._global.restart(self._similarity)
+        elif search:
+            sighting = self._global.update(
+                frame, self._live, self._similarity, self.uncertain, dt)
+            if sighting is not None:
+                self._restart(sighting.center, sighting.size, sighting.similarity)
+                self.restarted = elsewhere = True
+                sharpness = sighting.sharpness
         self._presence.judge(self._similarity, sharpness, dt, elsewhere)
         return elsewhere
 
@@ -149,6 +163,11 @@ class Localiser:
         self._velocity = VelocityEstimate(beside._velocity.velocity)
         self._presence = copy(beside._presence)
 
+    def restart_beside(self, leader: 'Localiser') -> None:
+        """Begin again with what was learned first, at the place of another localiser."""
+        self._restart(leader.center, leader.size, leader.similarity)
+        self.resume(self._live, leader)
+
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:
         """
@@ -166,6 +185,14 @@ class Localiser:
             box=box, angle=angle, covariance=covariance + np.diag(missing),
             confidence=self._presence.confidence, state=state_after(unseen), particles=particles,
             affine=affine)
+
+    def _restart(self, center: Point, size: Point, similarity: float) -> None:
+        """Begin again with what was learned first, at a place so similar to the first one."""
+        self._live = replace(self._live, model=self._first_model, center=center, size=size,
+                             usual_similarity=similarity)
+        self._similarity, self._failure = similarity, None
+        self._velocity = VelocityEstimate()
+        self._global.restart(similarity)
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
         """Return the target updated at a place; verify it there, if it's time for that."""

@@ -130,13 +130,17 @@ class PresenceDetector:
 
         To those of another place, `elsewhere`, the last frames' mean nothing.
         """
-        evidence = (_SHARPNESS_WEIGHT * math.log(max(sharpness, _LEAST_SHARPNESS))
-                    + _SIMILARITY_WEIGHT * math.log(max(similarity, _LEAST_SIMILARITY))
-                    + _INTERCEPT)
         before = min(max(self._evidence, -_CLEAR), _CLEAR)
-        self._evidence = before + (1.0 if elsewhere else _EVIDENCE_RATE) * (evidence - before)
+        rate = 1.0 if elsewhere else _EVIDENCE_RATE
+        self._evidence = before + rate * (evidence(similarity, sharpness) - before)
         seen = self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
+
+
+def evidence(similarity: float, sharpness: float) -> float:
+    """Return the logarithm of the odds that one frame gives for the target's presence."""
+    return (_SHARPNESS_WEIGHT * math.log(max(sharpness, _LEAST_SHARPNESS))
+            + _SIMILARITY_WEIGHT * math.log(max(similarity, _LEAST_SIMILARITY)) + _INTERCEPT)
 
 
 def logistic(value: float) -> float:

@@ -138,8 +138,8 @@ class SiameseLocaliser(Localiser):
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
                  network: SiameseNetwork, searches: int = 1) -> None:
         super().__init__(frame, center, size, rng, searches)
-        self._live = replace(self._live, model=SiameseModel.beside(
-            self._live.model, network, frame, center, size))
+        self._first_model = SiameseModel.beside(self._live.model, network, frame, center, size)
+        self._live = replace(self._live, model=self._first_model)
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
         """Return the target at a place, verified there if it's time for that."""

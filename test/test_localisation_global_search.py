@@ -1,0 +1,127 @@
+"""A search of the whole frame: when it begins, what it accepts, what a localiser makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from drawn_video import DrawnVideo, TARGET, texture
+import numpy as np
+import pytest
+
+from vtrack_ros.localisation.global_search import GlobalSearch
+from vtrack_ros.localisation.localiser import Localiser
+from vtrack_ros.localisation.presence import InitialTemplate
+from vtrack_ros.localisation.search_window import WindowLayout
+from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
+
+HERE, ELSEWHERE = (60.0, 60.0), (250.0, 180.0)
+VIDEO = DrawnVideo(seed=4, blob=60)
+
+
+@pytest.fixture
+def search_and_live():
+    """Return a search for the target of the first frame, and what is tracked instead of it."""
+    frame = VIDEO.frame(HERE)
+    window = WindowLayout.around(*TARGET).window(frame, HERE, TARGET)
+    model = TargetModel.create(window)
+    live = TargetSnapshot(model, (150.0, 120.0), TARGET, 0.8, 0.1)
+    search = GlobalSearch(
+        model, InitialTemplate.of(model, window), TARGET, np.random.default_rng(1))
+    return search, live
+
+
+def sightings(search, live, frame, similarity, frames, dt=1.0, failed=False):
+    """Return what a search says of so many frames that are all alike."""
+    return [search.update(frame, live, similarity, failed, dt) for _ in range(frames)]
+
+
+def test_it_finds_the_first_look_anywhere_in_the_frame(search_and_live):
+    search, live = search_and_live
+    found = [one for one in sightings(search, live, VIDEO.frame(ELSEWHERE), 0.05, 150) if one]
+    assert found
+    assert np.hypot(*np.subtract(found[0].center, ELSEWHERE)) < 3
+    assert found[0].similarity > 0.5
+
+
+def test_what_resembles_the_first_look_is_not_doubted(search_and_live):
+    """However much more something else resembles it."""
+    search, live = search_and_live
+    assert not any(sightings(search, live, VIDEO.frame(ELSEWHERE), 0.2, 200))
+
+
+def test_a_doubt_of_some_frames_is_none(search_and_live):
+    """An occluder passes by; what is looked for then is found by re-detection."""
+    search, live = search_and_live
+    frame = VIDEO.frame(ELSEWHERE)
+    for _ in range(5):
+        assert not any(sightings(search, live, frame, 0.05, 20))
+        assert not any(sightings(search, live, frame, 0.6, 20))
+
+
+def test_what_has_failed_for_long_is_doubted(search_and_live):
+    """However similar it is, but not sooner; what is found is far more similar still."""
+    search, live = search_and_live
+    frame = VIDEO.frame(ELSEWHERE)
+    assert not any(sightings(search, live, frame, 0.2, 29, failed=True))
+    assert any(sightings(search, live, frame, 0.2, 150, failed=True))
+    search.restart(1.0)
+    assert not any(sightings(search, live, frame, 0.7, 200, failed=True))
+
+
+def test_time_passes_with_frames_that_were_dropped(search_and_live):
+    """The patience is one in frames' time: frames of twice the interval count twice."""
+    search, live = search_and_live
+    frame = VIDEO.frame(ELSEWHERE)
+    twice = sightings(search, live, frame, 0.05, 150, dt=2.0)
+    search.restart(1.0)
+    once = sightings(search, live, frame, 0.05, 150)
+    first = [next(index for index, one in enumerate(found) if one) for found in (twice, once)]
+    assert first[0] < first[1]
+
+
+def test_a_frame_without_the_target_has_no_sighting(search_and_live):
+    search, live = search_and_live
+    assert not any(sightings(search, live, VIDEO.frame(None), 0.05, 300))
+
+
+def test_the_tracked_place_is_not_elsewhere(search_and_live):
+    """Where the live place is the target's, nothing is to be found."""
+    search, live = search_and_live
+    live = replace(live, center=ELSEWHERE)
+    assert not any(sightings(search, live, VIDEO.frame(ELSEWHERE), 0.05, 300))
+
+
+def test_it_has_to_be_seen_twice(search_and_live):
+    """Something that is there for one frame is no target."""
+    search, live = search_and_live
+    empty, frame = VIDEO.frame(None), VIDEO.frame(ELSEWHERE)
+    assert not any(sightings(search, live, empty, 0.05, 60))
+    for _ in range(40):
+        assert search.update(frame, live, 0.05, False, 1.0) is None
+        assert not any(sightings(search, live, empty, 0.05, 6))
+
+
+def test_a_localiser_that_learned_something_else_finds_its_target():
+    """It follows another thing, sharply, which is as unlike the target as it has long been."""
+    both, alone = VIDEO.frame(HERE), VIDEO.frame(HERE)
+    other = texture(
+        TARGET[::-1], [(200, 30, 20), (90, 200, 90), (220, 160, 40)], 8, np.random.default_rng(7))
+    left, top = (int(place - side / 2) for place, side in zip(ELSEWHERE, TARGET))
+    for image in (both, alone):
+        image[top:top + TARGET[1], left:left + TARGET[0]] = other
+    alone[:120] = VIDEO.frame(None)[:120]
+    localiser, wrong = (Localiser(both, place, TARGET, np.random.default_rng(1))
+                        for place in (HERE, ELSEWHERE))
+
+    def follow(frame):
+        return localiser.update(
+            frame, localiser.localise(frame, localiser.center), localiser.center, 1.0)
+
+    assert not follow(both)
+    localiser.resume(replace(wrong.snapshot, usual_similarity=0.05), wrong)
+    assert not any(follow(alone) for _ in range(100))
+    assert np.hypot(*np.subtract(localiser.center, ELSEWHERE)) < 3
+    found = [follow(both) and localiser.restarted for _ in range(150)]
+    assert sum(found) == 1
+    assert np.hypot(*np.subtract(localiser.center, HERE)) < 3
+    assert localiser.similarity > 0.5

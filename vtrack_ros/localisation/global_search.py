@@ -1,0 +1,127 @@
+"""Global search: the whole frame is searched for a target that has long been unlike itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from vtrack_ros.frame import Frame, Point
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.presence import evidence, InitialTemplate
+from vtrack_ros.localisation.search_window import inside
+from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
+
+#: What is tracked is doubted while the running mean of its similarity, in which the latest frame
+#: has this weight, is below this level, since that many frames; or when it has failed for longer.
+_RATE, _DOUBTED, _PATIENCE, _FAILED = 0.05, 0.15, 20.0, 30.0
+#: Weight of the latest frame in the mean that another place is compared with.
+_RECENT_RATE = 0.25
+#: Places searched in a frame.
+_LOOKS = 2
+#: A place is the target's where it's so similar to the initial template, so much more so than what
+#: is tracked, and so evident; and again within so many frames.
+_LEAST, _GAIN, _EVIDENT = 0.18, 1.3, 1.5
+_CONFIRMING = 5.0
+#: A box that overlaps more than that with what is tracked is no other one.
+_SAME = 0.3
+#: How often it's searched at the size that it had at first; else at the last one beyond doubt.
+_FIRST_SIZE = 0.4
+#: Standard deviation of the places about what is tracked, in sides; the others are spread evenly,
+#: however many they are, by steps of these shares of the frame: the golden section of the plane.
+_NEAR, _STEP = 2.5, (0.7548776662, 0.5698402910)
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A place, in pixels, where the target was seen, its size, and what speaks for it."""
+
+    center: Point
+    size: Point
+    similarity: float
+    sharpness: float
+
+
+class GlobalSearch:
+    """
+    Searches the whole frame for the target of the first one, where what is tracked isn't like it.
+
+    A model that has learned something else answers to that as sharply as to its target before, and
+    re-detection, which goes by the latest models, can't tell. Nor does the initial template, for
+    a target changes its looks. But where something else has been far more like the first look than
+    what is tracked, twice, the target is there.
+    """
+
+    def __init__(self, model: TargetModel, template: InitialTemplate, size: Point,
+                 rng: np.random.Generator) -> None:
+        self._model, self._template, self._first_size = model, template, size
+        # of its own: searching changes nothing for the others who draw
+        self._rng = rng.spawn(1)[0]
+        self._size = size
+        self._looks = 0
+        self.restart(1.0)
+
+    def restart(self, similarity: float) -> None:
+        """Count the target as found, with that similarity to the initial template."""
+        self._mean = self._recent = similarity
+        self._doubted = self._failed = 0.0
+        self._candidate: Sighting | None = None
+        self._waited = 0.0
+
+    def update(self, frame: Frame, live: TargetSnapshot, similarity: float, failed: bool,
+               dt: float) -> Sighting | None:
+        """
+        Return where the target is instead of the live place, or None while that's the best one.
+
+        `similarity` is the live place's to the initial template, `failed` tells whether tracking
+        has failed there.
+        """
+        self._mean += _RATE * (similarity - self._mean)
+        self._recent += _RECENT_RATE * (similarity - self._recent)
+        self._failed = self._failed + dt if failed else 0.0
+        self._doubted = self._doubted + dt if self._mean < _DOUBTED else 0.0
+        if not (failed or self._doubted):
+            self._size = live.size
+        if self._doubted < _PATIENCE and self._failed < _FAILED:
+            self._candidate = None
+            return None
+        least = max(_LEAST, _GAIN * max(self._recent, similarity))
+        if self._candidate is None:
+            self._candidate, self._waited = self._searched(frame, live, least), 0.0
+            return None
+        self._waited += dt
+        found = self._look(frame, live, self._candidate.center, self._candidate.size, least)
+        if found is None and self._waited > _CONFIRMING:
+            self._candidate = None
+        return found
+
+    def _searched(self, frame: Frame, live: TargetSnapshot, least: float) -> Sighting | None:
+        """Return what is seen at the next places, anywhere in the frame and near in turns."""
+        height, width = frame.shape[:2]
+        for _ in range(_LOOKS):
+            self._looks += 1
+            size = self._first_size if self._rng.random() < _FIRST_SIZE else self._size
+            if self._looks % 2:
+                x, y = live.center + (
+                    _NEAR * math.sqrt(math.prod(size)) * self._rng.standard_normal(2))
+            else:
+                x, y = ((0.5 + self._looks * step) % 1.0 * side
+                        for step, side in zip(_STEP, (width, height)))
+            found = self._look(frame, live, inside((float(x), float(y)), frame), size, least)
+            if found is not None:
+                return found
+        return None
+
+    def _look(self, frame: Frame, live: TargetSnapshot, place: Point, size: Point, least: float,
+              ) -> Sighting | None:
+        """Return the target as it's seen about a place, in that size, unless it's the live one."""
+        response = self._model.localise(frame, place, size)
+        center = inside(response.center, frame)
+        box = Box.from_center(*center, *size)
+        if box.iou(Box.from_center(*live.center, *live.size)) > _SAME:
+            return None
+        similarity = self._template.similarity(self._model.layout.window(frame, center, size))
+        if similarity < least or evidence(similarity, response.sharpness) < _EVIDENT:
+            return None
+        return Sighting(center, size, similarity, response.sharpness)
