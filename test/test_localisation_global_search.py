@@ -81,14 +81,14 @@ def test_time_passes_with_frames_that_were_dropped(search_and_live):
 
 def test_a_frame_without_the_target_has_no_sighting(search_and_live):
     search, live = search_and_live
-    assert not any(sightings(search, live, VIDEO.frame(None), 0.05, 300))
+    assert not any(sightings(search, live, VIDEO.frame(None), 0.05, 150))
 
 
 def test_the_tracked_place_is_not_elsewhere(search_and_live):
     """Where the live place is the target's, nothing is to be found."""
     search, live = search_and_live
     live = replace(live, center=ELSEWHERE)
-    assert not any(sightings(search, live, VIDEO.frame(ELSEWHERE), 0.05, 300))
+    assert not any(sightings(search, live, VIDEO.frame(ELSEWHERE), 0.05, 150))
 
 
 def test_it_has_to_be_seen_twice(search_and_live):
