@@ -13,6 +13,7 @@ from bag_material import write_short_bag
 import cv2
 import numpy as np
 import pytest
+from shared_segments import group, segments
 
 from vtrack_ros.demo.camera_source import images, NoImagesError
 from vtrack_ros.demo.demonstration import main, summarise
@@ -54,13 +55,14 @@ def test_face_fast(repository, tmp_path):
 
 
 def test_interrupted(repository, tmp_path):
-    """Ctrl-C ends all processes: 130, no traceback, no picture of half a run."""
+    """Ctrl-C ends all processes: 130, no traceback, no picture of half a run, no memory left."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo', '--out', str(tmp_path)], cwd=repository,
         env=dict(os.environ), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         start_new_session=True)
     # The first line of progress says that frames are being answered.
     assert 'frames' in process.stderr.readline()
+    shared = segments(group(process.pid))
     os.killpg(process.pid, signal.SIGINT)
     errors = process.communicate(timeout=60)[1]
     assert 'Traceback' not in errors, errors
@@ -69,6 +71,7 @@ def test_interrupted(repository, tmp_path):
     assert not list(tmp_path.glob('*.mp4')) and not list(tmp_path.glob('*.png'))
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
+    assert shared and not any(one.exists() for one in shared)
 
 
 def test_interrupted_while_it_loads(repository, tmp_path):
@@ -172,6 +175,7 @@ def test_camera(repository, tmp_path, end):
                 while (await socket.receive(60)).type is not aiohttp.WSMsgType.BINARY:
                     pass
         asyncio.run(picture())
+        shared = segments(group(process.pid))
         end(process)
         output = process.communicate(timeout=60)[0]
     finally:
@@ -180,6 +184,7 @@ def test_camera(repository, tmp_path, end):
     assert process.returncode == 0 and 'Traceback' not in output, output
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
+    assert shared and not any(one.exists() for one in shared)
 
 
 def test_video_as_camera(tmp_path):

@@ -1,7 +1,6 @@
 """`vtrack doctor`: what it says of real publishers, and without ROS."""
 
 import os
-from pathlib import Path
 import subprocess
 import sys
 import threading
@@ -10,6 +9,7 @@ from node_harness import Client, END_WITH_PARENT, image_message, Scene
 import pytest
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import Image
+from shared_segments import segments
 from vtrack_ros.cli import installation
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import abandoned_memory, profile_path, SHARED_MEMORY, VARIABLES, with_profile
@@ -83,11 +83,9 @@ def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
         [sys.executable, '-c', END_WITH_PARENT + IDLE],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=with_profile(os.environ))
     assert camera.stdout.readline()
-    segments = {line.split()[-1] for line in Path(f'/proc/{camera.pid}/maps').open()
-                if '/dev/shm/fastrtps_' in line and 'port' not in line}
-    for segment in segments:
-        for path in (segment, f'{segment}_el'):
-            (tmp_path / Path(path).name).symlink_to(path)
+    for segment in segments([camera.pid]):
+        for path in (segment, segment.with_name(f'{segment.name}_el')):
+            (tmp_path / path.name).symlink_to(path)
     monkeypatch.setattr(installation, 'SHARED_MEMORY', tmp_path)
     try:
         assert abandoned_memory(tmp_path) == 0

@@ -124,4 +124,4 @@ def test_a_localiser_that_learned_something_else_finds_its_target():
     found = [follow(both) and localiser.restarted for _ in range(150)]
     assert sum(found) == 1
     assert np.hypot(*np.subtract(localiser.center, HERE)) < 3
-    assert localiser.similarity > 0.5
+    assert localiser.similarity > 0.3

@@ -8,7 +8,7 @@ import time
 import webbrowser
 
 from vtrack_ros.demo.camera_source import NoImagesError, opened
-from vtrack_ros.demo.processes import Child, PATIENCE
+from vtrack_ros.demo.processes import Child, end_all, PATIENCE
 
 #: What is shown where there is no camera.
 _SCENE = Path(__file__).resolve().parents[2] / 'bags' / 'leave_and_return'
@@ -56,5 +56,4 @@ def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) 
     except KeyboardInterrupt:
         print()
     finally:
-        for child in children:
-            child.kill()
+        end_all(children)

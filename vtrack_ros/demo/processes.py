@@ -11,6 +11,8 @@ from vtrack_ros.ros.recorder import Answer, Recorder
 
 #: How long a process may take to start or to end, in seconds.
 PATIENCE = 30.0
+#: How long processes that are told to end may take before they are killed, in seconds.
+_LAST_WORDS = 5.0
 #: How long no answer may come after the last frame was sent, in seconds.
 SILENCE = 2.0
 
@@ -54,17 +56,35 @@ class Child:
 
     def end(self) -> None:
         """Tell it to end, and `wait`."""
-        self._process.terminate()
+        self.terminate()
         self.wait()
 
-    def kill(self) -> None:
-        """End it at once, if it hasn't."""
-        self._process.kill()
-        self._process.wait()
+    def terminate(self) -> None:
+        """Tell it to end."""
+        self._process.terminate()
+
+    def kill(self, patience: float) -> None:
+        """End it, if it doesn't within so many seconds."""
+        try:
+            self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            pass
+        finally:
+            self._process.kill()
+            self._process.wait()
 
     def failure(self, what: str) -> DemoError:
         """Return an error that quotes the process."""
         return DemoError(f'the {self._name} {what}' + (f':\n{self.said}' if self.said else ''))
+
+
+def end_all(children: Sequence[Child]) -> None:
+    """End all processes: on their own, for who is killed leaves its shared memory behind."""
+    for child in children:
+        child.terminate()
+    deadline = time.monotonic() + _LAST_WORDS
+    for child in children:
+        child.kill(max(0.0, deadline - time.monotonic()))
 
 
 def run(node: Sequence[str], player: Sequence[str], folder: Path,
@@ -102,8 +122,7 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
         children[0].end()
         return sent, recorder.answers
     finally:
-        for child in children:
-            child.kill()
+        end_all(children)
 
 
 def _frames_sent(player: Child) -> int:

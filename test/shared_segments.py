@@ -1,0 +1,30 @@
+"""The shared memory of Fast DDS that processes have, for tests of what is left of it."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+def segments(processes: Iterable[int]) -> set[Path]:
+    """Return the segments that processes have mapped, those of the ports apart."""
+    found = set()
+    for process in processes:
+        for line in Path(f'/proc/{process}/maps').read_text().splitlines():
+            path = Path(line.split()[-1])
+            if path.name.startswith('fastrtps_') and 'port' not in path.name:
+                found.add(path)
+    return found
+
+
+def group(leader: int) -> list[int]:
+    """Return the processes of a group."""
+    found = []
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            # the name, in brackets, may hold anything
+            fields = stat.read_text().rsplit(')', 1)[1].split()
+        except OSError:
+            # ended since
+            continue
+        if int(fields[2]) == leader:
+            found.append(int(stat.parent.name))
+    return found
