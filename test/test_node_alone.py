@@ -206,5 +206,5 @@ def test_example_of_the_manual(repository):
             line = next(line for line in example.stdout if line != '[]\n')
             assert 'BoundingBox2D' in line
         finally:
-            example.kill()
-            example.wait()
+            example.terminate()
+            example.wait(20)
