@@ -59,17 +59,17 @@ def page(folder: Path) -> str:
 
 def _soak(soak: dict[str, Any]) -> list[str]:
     rows = soak['minutes']
-    first, last = rows[0], rows[-1]
     # A minute is like the first one where the host took no more of it.
-    like = max(index for index, row in enumerate(rows) if row['stolen'] <= first['stolen'])
+    like = max(index for index, row in enumerate(rows) if row['stolen'] <= rows[0]['stolen'])
+    shown = sorted({0, like, len(rows) - 1})
     sent, answered = (sum(row[key] for row in rows) for key in ('sent', 'answered'))
     lines = ['', '## Soak', '',
              f'{len(rows)} minutes at {soak["rate_hz"]:g} Hz, {soak["date"]}: {answered} of '
              f'{sent} images answered, the others replaced by newer ones while',
              'the processor was taken. *Stolen* is the share of the machine that its host gave to',
-             'others; the last minute of which it took no more than of the first stands beside.',
-             '', f'| | minute 1 | minute {like + 1} | minute {len(rows)} | wanted |',
-             '| --- | ---: | ---: | ---: | --- |']
+             'others; the last minute of which it took no more than of the first is shown too.',
+             '', f'| | {" | ".join(f"minute {index + 1}" for index in shown)} | wanted |',
+             f'| --- | {" | ".join(["---:"] * len(shown))} | --- |']
     for name, key, wanted in (
             ('images answered of 3600', 'answered', ''), ('with the target', 'found', 'all'),
             ('least overlap of a box (IoU)', 'least_iou', 'on the target'),
@@ -81,7 +81,7 @@ def _soak(soak: dict[str, Any]) -> list[str]:
             ('of that, not shared, MB', 'private_mb', 'at most 2 more'),
             ('file descriptors', 'descriptors', 'the same'), ('threads', 'threads', 'the same'),
             ('stolen', 'stolen', '')):
-        figures = ' | '.join(f'{row[key]:.4g}' for row in (first, rows[like], last))
+        figures = ' | '.join(f'{rows[index][key]:.4g}' for index in shown)
         lines.append(f'| {name} | {figures} | {wanted} |')
     # What whoever ran it has to say of that day.
     lines += ['', *textwrap.wrap(soak['note'], 99)] if 'note' in soak else []
