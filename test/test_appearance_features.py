@@ -11,7 +11,7 @@ import pytest
 from vtrack_ros.appearance.colour_model import box_mean, colour_index, ColourModel
 from vtrack_ros.appearance.features import (
     all_colours, COLOUR_CHANNELS, colour_names, COLOURS, GRADIENT_CHANNELS, memberships,
-    oriented_gradients, rgb555, sample_window)
+    oriented_gradients, PixelWindow, rgb555)
 
 
 def plain_window(image, center, size, shape):
@@ -21,8 +21,12 @@ def plain_window(image, center, size, shape):
     result = np.empty((rows, columns, *image.shape[2:]))
     for row in range(rows):
         for column in range(columns):
-            x = center[0] + ((column + 0.5) / columns - 0.5) * size[0] - 0.5
-            y = center[1] + ((row + 0.5) / rows - 0.5) * size[1] - 0.5
+            # nothing beyond the window's own pixels is looked at
+            x, y = (
+                middle + min(max((index + 0.5) / count * length, 0.5), length - 0.5)
+                - length / 2 - 0.5
+                for middle, index, count, length in (
+                    (center[0], column, columns, size[0]), (center[1], row, rows, size[1])))
             left, top = math.floor(x), math.floor(y)
             value = 0.0
             for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
@@ -43,44 +47,70 @@ def smooth_image(colour, shape=(90, 120), seed=0):
 
 @pytest.mark.parametrize('colour', [True, False])
 @pytest.mark.parametrize('center, size, shape', [
-    ((60.3, 44.8), (30.0, 24.0), (24, 30)),
-    ((60.0, 45.0), (30.0, 24.0), (24, 30)),
-    ((60.25, 44.5), (20.0, 13.0), (31, 37)),
-    ((2.0, 3.5), (30.0, 24.0), (20, 25)),
-    ((118.0, 88.0), (40.0, 40.0), (33, 33)),
-    ((60.0, 45.0), (160.0, 130.0), (80, 100)),
-], ids=['subpixel', 'whole pixels', 'enlarged', 'over the corner', 'over the other corner',
+    ((60.0, 45.0), (30, 24), (24, 30)),
+    ((60.0, 44.5), (20, 13), (31, 37)),
+    ((2.0, 3.0), (30, 24), (20, 25)),
+    ((118.0, 88.0), (40, 40), (33, 33)),
+    ((60.0, 45.0), (160, 130), (80, 100)),
+], ids=['inside', 'enlarged', 'over the corner', 'over the other corner',
         'larger than the image'])
 def test_a_window_is_the_bilinear_one(colour, center, size, shape):
     """Where no pixel is skipped, to the precision of OpenCV's coordinates."""
     image = smooth_image(colour)
-    found = sample_window(image, center, size, shape)
+    window = PixelWindow.about(center, size)
+    assert window.center == center and (window.width, window.height) == size
+    found = window.sampled(image, *shape)
     assert found.shape == plain_window(image, center, size, shape).shape
     assert found.dtype == np.uint8
     difference = np.abs(found - plain_window(image, center, size, shape))
     assert difference.max() <= 2 and difference.mean() < 0.5
 
 
-@pytest.mark.parametrize('center', [(300.5, 200.25), (300.0, 200.0), (10.0, 20.0)])
+def test_a_window_lies_on_whole_pixels():
+    """The nearest to what is asked for, and at least one pixel."""
+    assert PixelWindow.about((60.3, 44.8), (29.6, 24.2)) == PixelWindow(45, 33, 30, 24)
+    assert PixelWindow.about((10.0, 10.0), (0.1, 0.2)) == PixelWindow(10, 10, 1, 1)
+
+
+@pytest.mark.parametrize('center', [(301.0, 200.0), (300.0, 200.0), (10.0, 20.0)])
 def test_a_shrunk_window_stays_in_place(center):
     """Pixels are skipped, but what was in a place stays there: a ramp is sampled as a ramp."""
     y, x = np.mgrid[:400, :600] + 0.5
     image = np.stack([x * 0.4, y * 0.6, x * 0.2 + y * 0.2], -1).astype(np.uint8)
-    shape, size = (30, 40), (240.0, 180.0)
-    found = sample_window(image, center, size, shape).astype(np.float64)
+    size = (240, 180)
+    found = PixelWindow.about(center, size).sampled(image, 30, 40).astype(np.float64)
     columns = (center[0] + ((np.arange(40) + 0.5) / 40 - 0.5) * size[0]).clip(0.5, 599.5)
     rows = (center[1] + ((np.arange(30) + 0.5) / 30 - 0.5) * size[1]).clip(0.5, 399.5)
-    # beyond the border the last one of the regular subset repeats: up to a stride away
-    tolerance = 1.6 + 6 * 0.6 * (min(center) < 90)
-    np.testing.assert_allclose(found[:, :, 0], np.tile(columns * 0.4, (30, 1)), atol=tolerance)
-    np.testing.assert_allclose(found[:, :, 1], np.tile(rows * 0.6, (40, 1)).T, atol=tolerance)
+    np.testing.assert_allclose(found[:, :, 0], np.tile(columns * 0.4, (30, 1)), atol=1.6)
+    np.testing.assert_allclose(found[:, :, 1], np.tile(rows * 0.6, (40, 1)).T, atol=1.6)
 
 
-def test_a_window_outside_the_image_repeats_its_border():
+def test_a_huge_window_over_the_border_stays_in_place():
+    """Of its pixels some are left out, by which it's half a sample off at most."""
+    x = np.arange(3000)
+    image = np.tile((x * 0.08).astype(np.uint8), (2000, 1))
+    found = PixelWindow.about((1000.0, 1000.0), (2800, 2600)).sampled(image, 65, 70)
+    columns = (1000 + ((np.arange(70) + 0.5) / 70 - 0.5) * 2800).clip(0.5, 2999.5)
+    np.testing.assert_allclose(found, np.tile(columns * 0.08, (65, 1)), atol=0.08 * 20 + 1)
+
+
+def test_what_is_inside_is_sampled_alike_over_the_border():
+    """A frame whose border repeats already has the same windows as one that ends there."""
+    image = smooth_image(True)
+    larger = np.pad(image, ((50, 50), (50, 50), (0, 0)), mode='edge')
+    for left, top in ((-20, -10), (100, 70), (-40, 30)):
+        np.testing.assert_array_equal(
+            PixelWindow(left, top, 45, 40).sampled(image, 20, 24),
+            PixelWindow(left + 50, top + 50, 45, 40).sampled(larger, 20, 24))
+
+
+@pytest.mark.parametrize('corner', [(-500, -300), (4000, 3000), (-500, 3000)])
+def test_a_window_outside_the_image_repeats_its_border(corner):
     """Far away there is the nearest corner's colour."""
     image = smooth_image(True)
-    found = sample_window(image, (-500.0, -300.0), (30.0, 30.0), (5, 6))
-    np.testing.assert_array_equal(found, np.broadcast_to(image[0, 0], (5, 6, 3)))
+    found = PixelWindow(*corner, 30, 30).sampled(image, 5, 6)
+    nearest = image[0 if corner[1] < 0 else -1, 0 if corner[0] < 0 else -1]
+    np.testing.assert_array_equal(found, np.broadcast_to(nearest, (5, 6, 3)))
 
 
 def step_edge(angle, side=48, low=60.0, high=180.0):

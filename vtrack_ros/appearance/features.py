@@ -5,17 +5,23 @@ Every function's cost depends on the number of samples alone, and neither on the
 on the frame's.
 """
 
+from __future__ import annotations
+
+from dataclasses import dataclass
 from functools import lru_cache
+import math
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Frame, Point
 
 #: A window's features: float32, shape (channels, rows, columns).
 Features = NDArray[np.float32]
 
+#: Of a larger window that reaches beyond the frame, some pixels are left out.
+_MOST_PIXELS = 1 << 20
 _SIGNED = 18
 _UNSIGNED = 9
 #: Channels of `oriented_gradients`.
@@ -39,39 +45,50 @@ _LIGHTNESS_WEIGHT = 0.5
 _USUAL_CHROMA = 30.0
 
 
-def sample_window(frame: Frame, center: tuple[float, float], size: tuple[float, float],
-                  shape: tuple[int, int]) -> Frame:
+@dataclass(frozen=True)
+class PixelWindow:
     """
-    Resample a window, centre and size in pixels, to (rows, columns); the frame's border repeats.
+    A part of a frame, in whole pixels, which may reach beyond its border.
 
-    Where several pixels fall on one sample, a regular subset of them is used.
+    Every version of OpenCV samples those in the same way.
     """
-    rows, columns = shape
-    step_x, step_y = size[0] / columns, size[1] / rows
-    left, top = center[0] - size[0] / 2, center[1] - size[1] / 2
-    height, width = frame.shape[:2]
-    x, y, right, bottom = int(left), int(top), int(left + size[0]), int(top + size[1])
-    whole = (x, y, right, bottom) == (left, top, left + size[0], top + size[1])
-    if whole and 0 <= x < right <= width and 0 <= y < bottom <= height:
-        window: Frame = cv2.resize(
-            frame[y:bottom, x:right], (columns, rows), interpolation=cv2.INTER_LINEAR)
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @classmethod
+    def about(cls, center: Point, size: Point) -> PixelWindow:
+        """Return the window next to one of that centre and size, in pixels."""
+        width, height = (max(1, round(length)) for length in size)
+        return cls(round(center[0] - width / 2), round(center[1] - height / 2), width, height)
+
+    @property
+    def center(self) -> Point:
+        """Return the centre, in pixels."""
+        return self.left + self.width / 2, self.top + self.height / 2
+
+    def sampled(self, frame: Frame, rows: int, columns: int) -> Frame:
+        """
+        Return so many samples of it; the frame's border repeats.
+
+        Where several pixels fall on one sample, a regular subset of them is used.
+        """
+        part, margins = frame, []
+        stride = 1 + math.isqrt(self.width * self.height // _MOST_PIXELS)
+        for axis, start, length in ((0, self.top, self.height), (1, self.left, self.width)):
+            first = min(max(start, 0), frame.shape[axis] - 1)
+            last = min(max(start + length, first + 1), frame.shape[axis])
+            part = part[first:last] if axis == 0 else part[:, first:last]
+            before = min(max(first - start, 0), length - 1)
+            margins += [before, length - before - (last - first)]
+        if any(margins):
+            above, below, before, after = (margin // stride for margin in margins)
+            part = cv2.copyMakeBorder(
+                part[::stride, ::stride], above, below, before, after, cv2.BORDER_REPLICATE)
+        window: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
         return window
-    offset_x = offset_y = 0
-    stride = max(1, int(min(step_x, step_y)))
-    if stride > 1:
-        offset_x = min(max(int(left) - stride, 0), width - 1)
-        offset_y = min(max(int(top) - stride, 0), height - 1)
-        right = min(max(int(left + size[0]) + 2 * stride, offset_x + 1), width)
-        bottom = min(max(int(top + size[1]) + 2 * stride, offset_y + 1), height)
-        frame = np.ascontiguousarray(frame[offset_y:bottom:stride, offset_x:right:stride])
-    # OpenCV counts from the centre of a pixel, boxes from its outer corner
-    matrix = np.array([
-        [step_x / stride, 0.0, (left + step_x / 2 - 0.5 - offset_x) / stride],
-        [0.0, step_y / stride, (top + step_y / 2 - 0.5 - offset_y) / stride]])
-    window = cv2.warpAffine(
-        frame, matrix, (columns, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        borderMode=cv2.BORDER_REPLICATE)
-    return window
 
 
 def describe(grey: Frame, cells: Frame, cell: int) -> Features:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import sample_window
+from vtrack_ros.appearance.features import PixelWindow
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
 
@@ -64,7 +64,8 @@ class KeypointDetector:
         side = min(_RESOLUTION, reach * self._side)
         shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
         columns, rows = (max(8, round(length * shrink)) for length in size)
-        window = sample_window(frame, center, size, (rows, columns))
+        whole = PixelWindow.about(center, size)
+        window = whole.sampled(frame, rows, columns)
         if window.ndim == 3:
             window = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY)
         found, descriptors = self._sift.detectAndCompute(window, None)
@@ -72,7 +73,7 @@ class KeypointDetector:
             return Keypoints(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
         pixels = np.array([keypoint.pt for keypoint in found])
         offset = (pixels + 0.5) / (columns, rows) - 0.5
-        return Keypoints(center + offset * size, descriptors)
+        return Keypoints(whole.center + offset * (whole.width, whole.height), descriptors)
 
 
 def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 import os
 from typing import TypeVar
 
@@ -11,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.features import PixelWindow
 from vtrack_ros.frame import Array, Frame, Point
 
 #: Sides of the target's image and of the one that's searched, in samples, as NanoTrack has them.
@@ -28,40 +28,6 @@ _TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 Blob = NDArray[np.float32]
 #: A length, or one of each of several boxes.
 Length = TypeVar('Length', float, Array)
-
-
-@dataclass(frozen=True)
-class Square:
-    """A part of a frame, in whole pixels: every OpenCV samples those in the same way."""
-
-    left: int
-    top: int
-    side: int
-
-    @classmethod
-    def about(cls, center: Point, side: float) -> Square:
-        """Return the square next to one of that centre and side, in pixels."""
-        whole = max(1, round(side))
-        return cls(round(center[0] - whole / 2), round(center[1] - whole / 2), whole)
-
-    def sampled(self, frame: Frame, samples: int) -> Frame:
-        """Return so many samples along each side of it; the frame's border repeats."""
-        part, scale = frame, samples / self.side
-        counts, margins = [], []
-        for axis, start in enumerate((self.top, self.left)):
-            length = frame.shape[axis]
-            first = min(max(start, 0), length - 1)
-            last = min(max(start + self.side, first + 1), length)
-            part = part[first:last] if axis == 0 else part[:, first:last]
-            counts.append(min(max(1, round((last - first) * scale)), samples))
-            margins.append(min(max(0, round((first - start) * scale)), samples - counts[axis]))
-        (rows, columns), (above, left) = counts, margins
-        result: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
-        if rows < samples or columns < samples:
-            result = cv2.copyMakeBorder(
-                result, above, samples - rows - above, left, samples - columns - left,
-                cv2.BORDER_REPLICATE)
-        return result
 
 
 class SiameseNetwork:
@@ -85,7 +51,8 @@ class SiameseNetwork:
 
     def learn(self, frame: Frame, center: Point, size: Point) -> Blob:
         """Return the features of a target in a frame, centre and size in pixels."""
-        return self._described(Square.about(center, exemplar_side(size)), frame, EXEMPLAR)
+        side = exemplar_side(size)
+        return self._described(PixelWindow.about(center, (side, side)), frame, EXEMPLAR)
 
     def search(self, target: Blob, frame: Frame, center: Point,
                side: float) -> tuple[Array, Array]:
@@ -95,7 +62,7 @@ class SiameseNetwork:
         The log-odds of its presence in each place, shape (16, 16), and its box there, shape
         (4, 16, 16): centre x and y, width and height, in pixels.
         """
-        square = Square.about(center, side)
+        square = PixelWindow.about(center, (side, side))
         self._head.setInput(target, _TEMPLATE)
         self._head.setInput(self._described(square, frame, SEARCHED), _PLACE)
         logits, sides = (
@@ -105,13 +72,12 @@ class SiameseNetwork:
         at = STRIDE * (np.arange(PLACES) - PLACES // 2)
         boxes = np.stack([at + (right - left) / 2, at[:, None] + (bottom - top) / 2,
                           np.maximum(left + right, 1), np.maximum(top + bottom, 1)])
-        boxes *= square.side / SEARCHED
-        boxes[0] += square.left + square.side / 2
-        boxes[1] += square.top + square.side / 2
+        boxes *= square.width / SEARCHED
+        boxes[:2] += np.reshape(square.center, (2, 1, 1))
         return logits[1] - logits[0], boxes
 
-    def _described(self, square: Square, frame: Frame, samples: int) -> Blob:
-        pixels = square.sampled(frame, samples)
+    def _described(self, square: PixelWindow, frame: Frame, samples: int) -> Blob:
+        pixels = square.sampled(frame, samples, samples)
         if pixels.ndim == 2:
             pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
         self._backbone.setInput(cv2.dnn.blobFromImage(pixels))

@@ -123,7 +123,7 @@ class Localiser:
         twice.
         """
         before = self._live
-        self._live = self._updated(frame, response, inside(center, frame))
+        self._live = self._updated(frame, response, inside(center, frame), dt)
         elsewhere, sharpness = False, response.sharpness
         if self._failure is None:
             self._judge(before, response.peak, dt)
@@ -194,7 +194,8 @@ class Localiser:
         self._velocity = VelocityEstimate()
         self._global.restart(similarity)
 
-    def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
+    def _updated(self, frame: Frame, response: ResponseMap, center: Point,
+                 dt: float) -> TargetSnapshot:
         """Return the target updated at a place; verify it there, if it's time for that."""
         live, window = self._live, response.window
         model, size = live.model, live.size

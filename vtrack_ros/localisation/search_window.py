@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.colour_model import colour_index, Colours, Rectangle
-from vtrack_ros.appearance.features import describe, sample_window
+from vtrack_ros.appearance.features import describe, PixelWindow
 from vtrack_ros.appearance.regression import CorrelationFilter, Spectrum
 from vtrack_ros.frame import Array, Frame, Point
 
@@ -104,19 +104,16 @@ class WindowLayout:
 
     def window(self, frame: Frame, center: Point, size: Point) -> SearchWindow:
         """Describe the window about a target of that centre and size, to the nearest pixel."""
-        width = max(1, round(size[0] * self.reach[0]))
-        height = max(1, round(size[1] * self.reach[1]))
-        center = (round(center[0] - width / 2) + width / 2,
-                  round(center[1] - height / 2) + height / 2)
-        size = width / self.reach[0], height / self.reach[1]
-        pixels = sample_window(
-            frame, center, (width, height), (self.rows * _CELL, self.columns * _CELL))
+        whole = PixelWindow.about(
+            center, (size[0] * self.reach[0], size[1] * self.reach[1]))
+        pixels = whole.sampled(frame, self.rows * _CELL, self.columns * _CELL)
         grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
         small = cv2.resize(pixels, (self.columns * _DETAIL, self.rows * _DETAIL))
         cells = cv2.resize(small, (self.columns, self.rows), interpolation=cv2.INTER_AREA)
         spectrum = CorrelationFilter.transform(describe(grey, cells, _CELL))
-        cell = (size[0] * self.reach[0] / self.columns, size[1] * self.reach[1] / self.rows)
-        return SearchWindow(center, cell, self, size, grey, colour_index(small), spectrum)
+        size = whole.width / self.reach[0], whole.height / self.reach[1]
+        cell = whole.width / self.columns, whole.height / self.rows
+        return SearchWindow(whole.center, cell, self, size, grey, colour_index(small), spectrum)
 
 
 @dataclass(frozen=True)

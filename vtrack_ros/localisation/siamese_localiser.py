@@ -23,7 +23,7 @@ _SHARE = 0.3
 _CHANGE = 0.148
 #: Puts the product of similarity and response on the scale of a similarity.
 _CREDIBLE = 1.75
-#: How fast the size follows the network's boxes.
+#: How fast the size follows the network's boxes, in a frame's time.
 _SIZE_RATE = 0.35
 #: The network's box in the first frame is corrected by at most that share of its size.
 _CORRECTED = 0.15
@@ -141,12 +141,13 @@ class SiameseLocaliser(Localiser):
         self._first_model = SiameseModel.beside(self._live.model, network, frame, center, size)
         self._live = replace(self._live, model=self._first_model)
 
-    def _updated(self, frame: Frame, response: ResponseMap, center: Point) -> TargetSnapshot:
+    def _updated(self, frame: Frame, response: ResponseMap, center: Point,
+                 dt: float) -> TargetSnapshot:
         """Return the target at a place, verified there if it's time for that."""
         live, size = self._live, self._live.size
         self._frames += 1
         if isinstance(response, SiameseResponse):
-            rate = _SIZE_RATE * min(response.sample_one(center), 1.0)
+            rate = (1 - (1 - _SIZE_RATE)**dt) * min(response.sample_one(center), 1.0)
             width, height = (
                 before * (found / before)**rate
                 for before, found in zip(size, response.box_at(center)[2:].tolist()))
