@@ -3,13 +3,14 @@ A network under a filter beside the same network alone, as OpenCV's TrackerNano 
 
 `VTRACK_NANOTRACK=FOLDER python benchmarks/localisers.py [--seeds K] [--frames N]` writes
 docs/results/localisers.json and .md; the folder has nanotrack_backbone_sim.onnx and
-nanotrack_head_sim.onnx. The stressed sequences are shorter, with one seed and one severity of each
-kind, in the middle.
+nanotrack_head_sim.onnx. The stressed sequences are shorter, with one severity of each kind, in the
+middle; each of their seeds is a stress of its own, and the trackers'.
 """
 
 from __future__ import annotations
 
 import argparse
+from itertools import chain
 import os
 from pathlib import Path
 import sys
@@ -25,6 +26,7 @@ from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.stress import frame_size, stressed_sequence
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.table import markdown, number_text, TITLES
+from vtrack_ros.frame import Array
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = 'VTRACK_NANOTRACK'
@@ -44,18 +46,21 @@ def main(argv: list[str] | None = None) -> int:
     short, _ = folder_sequences(arguments.sequences, arguments.stressed)
     plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'))
     kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
-    stressed = {kind: evaluate(trackers, [
-        stressed_sequence(one, kind, _severity(kind), 0, frame_size(one))
-        for one in short], 1, arguments.jobs, ProgressBar(kind)) for kind in kinds}
-    problems = [str(one) for results in (plain, *stressed.values()) for one in results.problems]
+    networks = [one for one in trackers if one.label != DCF]
+    stressed = {kind: [evaluate(networks, [
+        stressed_sequence(one, kind, _severity(kind), seed, frame_size(one))
+        for one in short], [seed], arguments.jobs, ProgressBar(f'{kind} {seed}'))
+        for seed in range(arguments.stress_seeds)] for kind in kinds}
+    problems = [str(one) for results in (plain, *chain(*stressed.values()))
+                for one in results.problems]
     for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)
     write_json(arguments.out / 'localisers.json', {
         'environment': environment(), 'seeds': arguments.seeds, 'problems': problems,
         'plain': {name: {tracker: row['auc'] for tracker, row in rows.items()}
                   for name, rows in plain.by_sequence.items()},
-        'stressed': {kind: {name: {tracker: row['auc'] for tracker, row in rows.items()}
-                            for name, rows in results.by_sequence.items()}
+        'stressed': {kind: {tracker: np.round(_by_target(results, tracker), 4).tolist()
+                            for tracker in (SIAMESE, ALONE)}
                      for kind, results in stressed.items()}})
     page = _page(plain, stressed, arguments)
     (arguments.out / 'localisers.md').write_text(page, encoding='utf-8')
@@ -77,7 +82,14 @@ def _severity(kind: str) -> float:
     return severities[len(severities) // 2]
 
 
-def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Namespace) -> str:
+def _by_target(results: list[Results], tracker: str) -> Array:
+    """Return a tracker's AUC under a kind of stress, shape (targets,), the mean over the seeds."""
+    return np.mean([[row[tracker]['auc'] for row in one.by_sequence.values()]
+                    for one in results], axis=0)
+
+
+def _page(plain: Results, stressed: dict[str, list[Results]],
+          arguments: argparse.Namespace) -> str:
     rows = [['', *(TITLES[key] for key in COLUMNS), 'AUC, tuned targets', 'others',
              f'AUC minus {ALONE} [95 %]']]
     for label, scores in plain.summary.items():
@@ -86,17 +98,14 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
         rows.append([label, *(number_text(scores[key], key) for key in COLUMNS),
                      *(f'{np.mean(half):.3f}' for half in halves),
                      '-' if label == ALONE else interval_text(difference(plain, label, ALONE))])
-    under = [['', DCF, SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
-    every = []
-    for kind, results in stressed.items():
-        gaps = [row[SIAMESE]['auc'] - row[ALONE]['auc'] for row in results.by_sequence.values()]
-        every.append(gaps)
-        under.append([f'{kind} {_severity(kind):g} ({STRESS_KINDS[kind].unit})', *(
-            f'{results.summary[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE)),
-            interval_text(interval(np.array(gaps)))])
-    under.append(['**mean**', *(
-        f'{np.mean([results.summary[label]["auc"] for results in stressed.values()]):.3f}'
-        for label in (DCF, SIAMESE, ALONE)), interval_text(interval(np.mean(every, axis=0)))])
+    under = [['', SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
+    rates = {f'{kind} {_severity(kind):g} ({STRESS_KINDS[kind].unit})': [
+        _by_target(results, label) for label in (SIAMESE, ALONE)]
+        for kind, results in stressed.items()}
+    rates['**mean**'] = np.mean(list(rates.values()), axis=0)
+    for kind, (ours, alone) in rates.items():
+        under.append([kind, f'{ours.mean():.3f}', f'{alone.mean():.3f}',
+                      interval_text(interval(ours - alone))])
     by_target = [['target', DCF, SIAMESE, ALONE]]
     by_target += [[name, *(f'{row[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE))]
                   for name, row in plain.by_sequence.items()]
@@ -110,8 +119,8 @@ def _page(plain: Results, stressed: dict[str, Results], arguments: argparse.Name
         f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
         f'{ALONE} has a score, its confidence here, and no covariance; it never says that it lost '
         'the target. Times are processor time, and depend on what else the machine did.\n\n'
-        f'## Under stress\n\nAUC over the first {arguments.stressed} frames, one seed, each kind '
-        f'at its middle severity.\n\n{markdown(under)}\n\n'
+        f'## Under stress\n\nAUC over the first {arguments.stressed} frames, seeds: '
+        f'{arguments.stress_seeds}, each kind at its middle severity.\n\n{markdown(under)}\n\n'
         f'## AUC by target, as they are\n\n{markdown(by_target)}\n')
 
 
@@ -119,9 +128,10 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
     parser.add_argument('--sequences', type=Path, default=SEQUENCES)
     parser.add_argument('--frames', type=int, default=150, help='0: all')
-    parser.add_argument('--stressed', type=int, default=60, metavar='FRAMES')
+    parser.add_argument('--stressed', type=int, default=100, metavar='FRAMES')
     parser.add_argument('--kinds', default='all', metavar='A,B,...')
     parser.add_argument('--seeds', type=int, default=5)
+    parser.add_argument('--stress-seeds', type=int, default=5, metavar='K')
     parser.add_argument('--jobs', type=int)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
     return parser.parse_args(argv)

@@ -43,7 +43,7 @@ def test_another_session_goes_on(tracker):
     video, path = DrawnVideo(tracker != 'dcf'), straight(50, (1.0, 0.5))
     data = SavedTarget.parsed(saved(tracked(video, path[:5], tracker)).text())
     session = TrackingSession(tracker, seed=1)
-    session.take_up(data.frame(), data.stamp, data.box, data.interval)
+    session.take_up(data.frame(), data.stamp, data.box, data.interval, data.exemplar())
     for index in range(30, 36):
         estimate = session.update(video.frame(path[index]), STEP * index)
     assert estimate.box.iou(box_at(path[35])) > 0.5
@@ -56,9 +56,46 @@ def test_a_target_that_is_gone_is_not_tracked(tracker):
     video = DrawnVideo()
     data = saved(tracked(video, straight(4, (1.0, 0.5)), tracker))
     session = TrackingSession(tracker, seed=1)
-    session.take_up(data.frame(), data.stamp, data.box, data.interval)
+    session.take_up(data.frame(), data.stamp, data.box, data.interval, data.exemplar())
     states = [session.update(video.frame(None), STEP * index).state for index in range(30, 40)]
     assert TrackState.TRACKING not in states[6:]
+
+
+def restarted(session):
+    """Return a session that goes on with another one's target, as after a restart."""
+    data = SavedTarget.parsed(saved(session).text())
+    session = TrackingSession(session.tracker, seed=1)
+    session.take_up(data.frame(), data.stamp, data.box, data.interval, data.exemplar())
+    return session
+
+
+@pytest.mark.parametrize('tracker', ['gmpf', 'dcf'])
+def test_a_target_outlives_many_sessions(tracker):
+    """What each one is off by doesn't add up: thirty restarts, half a second of frames each."""
+    video, session, path = DrawnVideo(), None, straight(8, (4.0, 0.0))
+    there_and_back = path + path[::-1]
+    centers = [there_and_back[index % len(there_and_back)] for index in range(30 * 15)]
+    session = TrackingSession(tracker, seed=1)
+    session.start(video.frame(centers[0]), 0, box_at(centers[0]))
+    for index, center in enumerate(centers[1:], 1):
+        if index % 15 == 0:
+            session = restarted(session)
+        estimate = session.update(video.frame(center), STEP * index)
+        assert estimate.box.iou(box_at(center)) > 0.8 and estimate.measured
+
+
+def test_what_is_not_like_its_exemplar_is_known_as_it_was_last():
+    """A target that has become another since it was selected is taken up all the same."""
+    selected, now, center = DrawnVideo(seed=1), DrawnVideo(seed=2), (150.0, 120.0)
+    data = replace(saved(tracked(now, [center] * 3)), **{
+        name: getattr(saved(tracked(selected, [center] * 3)), name)
+        for name in ('first_box', 'first_picture')})
+    session = TrackingSession('gmpf', seed=1)
+    session.take_up(data.frame(), data.stamp, data.box, data.interval, data.exemplar())
+    estimate = session.update(now.frame(center), STEP * 3)
+    assert estimate.measured and estimate.box.iou(box_at(center)) > 0.8
+    # and what it was selected for isn't forgotten
+    assert saved(session).first_box == data.first_box
 
 
 def test_text_says_it_all(target):
@@ -103,7 +140,8 @@ def test_an_earlier_time_or_another_stream_is_refused(target):
     ('box', {'x': 900, 'y': 0, 'width': 1, 'height': 2}), ('stamp', '1'), ('stamp', 1.5),
     ('time', True), ('shape', [240]), ('shape', [240, 320, 4]), ('shape', [0, 320]),
     ('shape', 'large'), ('region', [0, 0, 0, 5]), ('region', [300, 0, 99, 5]),
-    ('picture', '?'), ('picture', 3), ('identity', 'mug'), ('identity', ['mug'])])
+    ('picture', '?'), ('picture', 3), ('first_picture', '?'), ('first_box', [1]),
+    ('identity', 'mug'), ('identity', ['mug'])])
 def test_damage_is_noticed(target, name, value):
     """A ValueError, never anything else, and never a target."""
     rows = json.loads(target.text())
@@ -125,3 +163,8 @@ def test_every_cut_is_noticed(target):
     for picture in (b'', target.picture[:20], b'no picture'):
         with pytest.raises(ValueError, match='picture cannot be decoded'):
             replace(target, picture=picture).frame()
+        with pytest.raises(ValueError, match='picture cannot be decoded'):
+            replace(target, first_picture=picture).exemplar()
+    for box in (Box(9999, 0, 5, 5), Box(0, 0, 1e-9, 5)):
+        with pytest.raises(ValueError, match='does not show its first box'):
+            replace(target, first_box=box).exemplar()

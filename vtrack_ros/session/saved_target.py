@@ -7,7 +7,6 @@ import binascii
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 import json
-import math
 from typing import Any
 
 import cv2
@@ -15,14 +14,13 @@ import numpy as np
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.session.exemplar import Exemplar, shrunk, surroundings
 from vtrack_ros.session.session import TrackingSession
 
 #: How the text begins; what doesn't is none of ours.
 MARK = '{"format": "vtrack_ros target 1"'
-#: The picture shows so many times the target's sides, all that a search window may reach.
-_SHOWN = 4.0
-#: The longest side of a picture, in pixels: larger ones are stored smaller.
-_LONGEST_SIDE = 256
+#: No side of a target is shorter in its picture, which may be a smaller one, in pixels.
+_SHORTEST_SIDE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,8 @@ class SavedTarget:
     `stamp` [ns] and `frame_id` are those of that frame, `shape` is its shape; `interval` [ns] is
     the usual one between frames (0: unknown), `time` [ns] the wall clock when it was saved. `node`
     and `tracker` are names, `identity` is the target's class and id. `picture` is a JPEG of the
-    frame's region (left, top, width, height) [px] about the target.
+    frame's region (left, top, width, height) [px] about the target; `first_picture` one of the
+    target when it was selected, and `first_box` its box in that.
     """
 
     node: str
@@ -47,6 +46,8 @@ class SavedTarget:
     box: Box
     region: tuple[int, int, int, int]
     picture: bytes
+    first_box: Box
+    first_picture: bytes
 
     @classmethod
     def of(cls, session: TrackingSession, identity: tuple[str, str], node: str, frame_id: str,
@@ -56,15 +57,17 @@ class SavedTarget:
 
         Making them takes milliseconds, and may be done in another thread.
         """
-        seen = session.last_measurement
-        if seen is None:
+        seen, first = session.last_measurement, session.exemplar
+        if seen is None or first is None:
             return None
         tracker, interval = session.tracker, round(session.interval or 0)
 
         def make() -> SavedTarget:
-            region, picture = _pictured(seen.frame, seen.box)
+            left, top, width, height = region = surroundings(seen.frame, seen.box)
+            picture = shrunk(seen.frame[top:top + height, left:left + width])
             return cls(node, tracker, identity, time, seen.stamp, interval, frame_id,
-                       seen.frame.shape, seen.box, region, picture)
+                       seen.frame.shape, seen.box, region, _encoded(picture), first.box,
+                       _encoded(first.picture))
         return make
 
     @classmethod
@@ -81,8 +84,9 @@ class SavedTarget:
                 _integer(rows[name]) for name in ('time', 'stamp', 'interval'))
             shape = tuple(map(_integer, rows['shape']))
             left, top, width, height = map(_integer, rows['region'])
-            box = Box(**rows['box'])
-            picture = base64.b64decode(rows['picture'], validate=True)
+            box, first_box = (Box(**rows[name]) for name in ('box', 'first_box'))
+            picture, first_picture = (base64.b64decode(rows[name], validate=True)
+                                      for name in ('picture', 'first_picture'))
         except (AttributeError, binascii.Error, KeyError, RecursionError, TypeError,
                 ValueError) as error:
             raise ValueError(f'{type(error).__name__}: {error}') from None
@@ -93,12 +97,13 @@ class SavedTarget:
         if box.clipped(shape[1], shape[0]) is None:
             raise ValueError('its box is not inside the image')
         return cls(node, tracker, (class_id, target_id), time, stamp, interval, frame_id, shape,
-                   box, (left, top, width, height), picture)
+                   box, (left, top, width, height), picture, first_box, first_picture)
 
     def text(self) -> str:
         """Return it as JSON."""
         rows: dict[str, Any] = asdict(self)
-        rows['picture'] = base64.b64encode(self.picture).decode('ascii')
+        for name in ('picture', 'first_picture'):
+            rows[name] = base64.b64encode(rows[name]).decode('ascii')
         text = json.dumps(rows)
         return f'{MARK}, {text[1:]}\n'
 
@@ -126,36 +131,35 @@ class SavedTarget:
 
     def frame(self) -> Frame:
         """Return an image with nothing but the picture; ValueError if it can't be decoded."""
+        left, top, width, height = self.region
+        pixels = cv2.resize(
+            self._decoded(self.picture), (width, height), interpolation=cv2.INTER_LINEAR)
+        rest = (top, self.shape[0] - top - height, left, self.shape[1] - left - width)
+        return np.asarray(cv2.copyMakeBorder(pixels, *rest, cv2.BORDER_REPLICATE), np.uint8)
+
+    def exemplar(self) -> Exemplar:
+        """Return what the target looked like at first; ValueError if it can't be decoded."""
+        picture, box = self._decoded(self.first_picture), self.first_box
+        if box.clipped(picture.shape[1], picture.shape[0]) is None or min(
+                box.width, box.height) < _SHORTEST_SIDE:
+            raise ValueError(f'its first picture is of {picture.shape[1]} x {picture.shape[0]} '
+                             'pixels, and does not show its first box')
+        return Exemplar(picture, box)
+
+    def _decoded(self, picture: bytes) -> Frame:
         colour = len(self.shape) == 3
         try:
-            pixels = cv2.imdecode(np.frombuffer(self.picture, np.uint8),
+            pixels = cv2.imdecode(np.frombuffer(picture, np.uint8),
                                   cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE)
         except cv2.error:
             pixels = None
         if pixels is None:
             raise ValueError('its picture cannot be decoded')
-        left, top, width, height = self.region
-        pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_LINEAR)
-        rest = (top, self.shape[0] - top - height, left, self.shape[1] - left - width)
-        return np.asarray(cv2.copyMakeBorder(pixels, *rest, cv2.BORDER_REPLICATE), np.uint8)
+        return np.asarray(pixels, np.uint8)
 
 
-def _pictured(frame: Frame, box: Box) -> tuple[tuple[int, int, int, int], bytes]:
-    """Return the region about a box, and a picture of it."""
-    side = _SHOWN * max(box.width, box.height)
-    around = Box.from_center(*box.center, side, side).clipped(frame.shape[1], frame.shape[0])
-    if around is None:
-        around = Box(0, 0, frame.shape[1], frame.shape[0])
-    left, top = math.floor(around.x), math.floor(around.y)
-    right = min(math.ceil(around.x + around.width), frame.shape[1])
-    bottom = min(math.ceil(around.y + around.height), frame.shape[0])
-    pixels = frame[top:bottom, left:right]
-    shrink = _LONGEST_SIDE / max(pixels.shape[:2])
-    if shrink < 1:
-        size = [max(1, round(shrink * length)) for length in pixels.shape[1::-1]]
-        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-    _, data = cv2.imencode('.jpg', pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])
-    return (left, top, right - left, bottom - top), data.tobytes()
+def _encoded(picture: Frame) -> bytes:
+    return cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
 
 def _integer(value: Any) -> int:

@@ -11,11 +11,15 @@ import numpy as np
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
+from vtrack_ros.session.exemplar import Exemplar
 from vtrack_ros.session.motion_filter import Motion, MotionFilter
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
 
 #: A longer gap than this, in frames, says nothing about how far a target moved.
 LONGEST_STEP = 30.0
+#: How often a target that's taken up is shown as it was seen last, and how much the box that it's
+#: found in has to overlap the one of then.
+_TAKE_UP_UPDATES, _SAME_PLACE = 5, 0.5
 #: How many of the latest intervals the usual one is the median of.
 _USUAL = 15
 #: How many of them tell the camera's own interval, where frames are lost.
@@ -110,6 +114,7 @@ class TrackingSession:
         self._frame: Frame | None = None
         self._stamp = 0
         self._last_measurement: LastMeasurement | None = None
+        self._exemplar: Exemplar | None = None
         self._interval = FrameIntervalEstimator()
         self._motion = MotionFilter()
 
@@ -129,6 +134,11 @@ class TrackingSession:
         return self._last_measurement
 
     @property
+    def exemplar(self) -> Exemplar | None:
+        """Return what the target looked like when it was selected; None while there is none."""
+        return self._exemplar
+
+    @property
     def interval(self) -> float | None:
         """Return the usual interval between the target's frames [ns]; None before it's known."""
         return self._interval.interval
@@ -139,7 +149,9 @@ class TrackingSession:
 
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
         """Begin on the target in `box` of a frame stamped in ns; errors as `Tracker.start`."""
-        return self._start(self._create(self._name), frame, stamp, box)
+        estimate = self._start(self._create(self._name), frame, stamp, box)
+        self._exemplar = Exemplar.of(frame, box)
+        return estimate
 
     def update(self, frame: Frame, stamp: int) -> Estimate | None:
         """Take the next frame, stamped in ns; None where there is no target (any more)."""
@@ -157,27 +169,42 @@ class TrackingSession:
             self._last_measurement = LastMeasurement(frame, stamp, self._estimate.box)
         return self._estimate
 
-    def take_up(self, frame: Frame, stamp: int, box: Box, interval: int) -> None:
+    def take_up(self, frame: Frame, stamp: int, box: Box, interval: int,
+                exemplar: Exemplar) -> None:
         """
         Begin where another session ended, on the frame on which it last measured the target.
 
-        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`.
+        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`. The
+        target is learned from its exemplar, for what was seen last is off by a little, and that
+        would add up from session to session; then what was seen last is learned too. Only where
+        the target isn't recognised by its exemplar any more it's learned from that alone.
         """
-        self.start(frame, stamp, box)
-        # What the target's usual response is, is learned in the frame after the first: this one
-        # again, for in the next that comes it may be elsewhere.
-        self.update(frame, stamp)
+        self.start(exemplar.placed(box, frame.shape), stamp, box)
+        for _ in range(_TAKE_UP_UPDATES):
+            estimate = self.update(frame, stamp)
+        if estimate is None or not estimate.measured or estimate.box.iou(box) < _SAME_PLACE:
+            self.start(frame, stamp, box)
+            # What the target's usual response is, is learned in the frame after the first: this
+            # one again, for in the next that comes it may be elsewhere.
+            self.update(frame, stamp)
+        self._exemplar = exemplar
         if interval > 0:
             self._interval.add(interval)
 
     def forget(self) -> None:
         """Give up the target."""
-        self._estimate = self._frame = self._last_measurement = None
+        self._estimate = self._frame = self._last_measurement = self._exemplar = None
         self._motion.restart()
 
     def restart(self) -> Estimate | None:
         """Learn the target afresh where it was last measured, and go on; None without a target."""
-        return None if self._frame is None else self._take_over(self._create(self._name))
+        seen = self._last_measurement
+        if seen is None:
+            return None
+        estimate = self._take_over(self._create(self._name))
+        if estimate is not None:
+            self._exemplar = Exemplar.of(seen.frame, seen.box)
+        return estimate
 
     def warm_up(self) -> None:
         """

@@ -88,7 +88,8 @@ class Target:
         if self.estimate is not None or pending is not None and pending is not self.init_box:
             return False
         frame = saved.frame()
-        self._session.take_up(frame, saved.stamp, saved.box, saved.interval)
+        self._session.take_up(
+            frame, saved.stamp, saved.box, saved.interval, saved.exemplar())
         self._selector.pending, self._shape = None, frame.shape
         self.identity = saved.identity
         box, before = saved.box, saved.tracker

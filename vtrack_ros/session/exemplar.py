@@ -1,0 +1,66 @@
+"""What a target looked like when it was selected, to begin with again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import cv2
+import numpy as np
+
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+#: A picture shows so many times the target's sides, all that a search window may reach.
+_SHOWN = 4.0
+#: The longest side of a picture, in pixels: larger ones are kept smaller.
+_LONGEST_SIDE = 256
+
+
+@dataclass(frozen=True)
+class Exemplar:
+    """A picture of a target with its surroundings, and the target's box in it, in its pixels."""
+
+    picture: Frame
+    box: Box
+
+    @classmethod
+    def of(cls, frame: Frame, box: Box) -> Exemplar:
+        """Keep what a frame shows of the target in a box and about it."""
+        left, top, width, height = surroundings(frame, box)
+        picture = shrunk(frame[top:top + height, left:left + width])
+        across, down = picture.shape[1] / width, picture.shape[0] / height
+        return cls(picture.copy(), Box((box.x - left) * across, (box.y - top) * down,
+                                       box.width * across, box.height * down))
+
+    def placed(self, box: Box, shape: tuple[int, ...]) -> Frame:
+        """Return an image of a shape with the target in a box; the picture's border repeats."""
+        across, down = box.width / self.box.width, box.height / self.box.height
+        # OpenCV counts from the centre of a pixel, boxes from its outer corner
+        matrix = np.array([
+            [across, 0.0, box.x + (0.5 - self.box.x) * across - 0.5],
+            [0.0, down, box.y + (0.5 - self.box.y) * down - 0.5]])
+        return np.asarray(cv2.warpAffine(
+            self.picture, matrix, (shape[1], shape[0]), flags=cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE), np.uint8)
+
+
+def surroundings(frame: Frame, box: Box) -> tuple[int, int, int, int]:
+    """Return the region (left, top, width, height) of a frame about a box, in pixels."""
+    side = _SHOWN * max(box.width, box.height)
+    around = Box.from_center(*box.center, side, side).clipped(frame.shape[1], frame.shape[0])
+    if around is None:
+        around = Box(0, 0, frame.shape[1], frame.shape[0])
+    left, top = math.floor(around.x), math.floor(around.y)
+    right = min(math.ceil(around.x + around.width), frame.shape[1])
+    bottom = min(math.ceil(around.y + around.height), frame.shape[0])
+    return left, top, right - left, bottom - top
+
+
+def shrunk(pixels: Frame) -> Frame:
+    """Return a picture that is no larger than those that are kept."""
+    shrink = _LONGEST_SIDE / max(pixels.shape[:2])
+    if shrink >= 1:
+        return pixels
+    size = [max(1, round(shrink * length)) for length in pixels.shape[1::-1]]
+    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
