@@ -11,7 +11,7 @@ import pytest
 from vtrack_ros.appearance.colour_model import box_mean, colour_index, ColourModel
 from vtrack_ros.appearance.features import (
     all_colours, COLOUR_CHANNELS, colour_names, COLOURS, GRADIENT_CHANNELS, memberships,
-    oriented_gradients, PixelWindow, rgb555)
+    oriented_gradients, PixelWindow, rgb555, sample_grids)
 
 
 def plain_window(image, center, size, shape):
@@ -111,6 +111,25 @@ def test_a_window_outside_the_image_repeats_its_border(corner):
     found = PixelWindow(*corner, 30, 30).sampled(image, 5, 6)
     nearest = image[0 if corner[1] < 0 else -1, 0 if corner[0] < 0 else -1]
     np.testing.assert_array_equal(found, np.broadcast_to(nearest, (5, 6, 3)))
+
+
+def test_grids_are_sampled_exactly():
+    """Bilinearly and rounded, for every version of OpenCV: to the last grey level."""
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (20, 30), dtype=np.uint8)
+    # eighths of a pixel, so that no rounding of the computation itself counts
+    x = rng.integers(-40, 280, (3, 12)).astype(np.float32) / 8
+    y = rng.integers(-40, 200, (3, 9)).astype(np.float32) / 8
+    found = sample_grids(image, x, y)
+    assert found.shape == (3, 9, 12) and found.dtype == np.uint8
+    padded = np.pad(image.astype(float), 50, mode='edge')
+    for grid in range(3):
+        for row, column in np.ndindex(9, 12):
+            left, top = math.floor(x[grid, column]), math.floor(y[grid, row])
+            across, down = x[grid, column] - left, y[grid, row] - top
+            part = padded[top + 50:top + 52, left + 50:left + 52]
+            exact = np.array([1 - down, down]) @ part @ np.array([1 - across, across])
+            assert found[grid, row, column] == np.rint(exact)
 
 
 def step_edge(angle, side=48, low=60.0, high=180.0):

@@ -2,7 +2,7 @@
 What is computed of a window's pixels: its samples, oriented gradients and colour names.
 
 Every function's cost depends on the number of samples alone, and neither on the window's size nor
-on the frame's.
+on the frame's; but of a window over the frame's border up to a million pixels are copied.
 """
 
 from __future__ import annotations
@@ -89,6 +89,33 @@ class PixelWindow:
                 part[::stride, ::stride], above, below, before, after, cv2.BORDER_REPLICATE)
         window: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
         return window
+
+
+def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -> Frame:
+    """
+    Return an image's values at the crossings of columns and rows; its border repeats.
+
+    Of N grids, `x`, shape (N, columns), and `y`, shape (N, rows), count from the middle of the
+    first pixel; the result's shape is (N, rows, columns). Bilinear, and rounded: OpenCV's `remap`
+    does it to a 32nd of a pixel or exactly, as its version may be.
+    """
+    (above, below, down), (before, after, across) = (
+        _neighbours(at, length) for at, length in zip((y, x), image.shape))
+    values = image.astype(np.float32)
+    rows = values[above]
+    rows += down[..., None] * (values[below] - rows)
+    lines, grids = rows.transpose(0, 2, 1), np.arange(len(x))[:, None]
+    result = lines[grids, before]
+    result += across[..., None] * (lines[grids, after] - result)
+    return np.rint(result).astype(np.uint8).transpose(0, 2, 1)
+
+
+def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
+        NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+    """Return the pixels before and after a place along a side, and the share of the second."""
+    first = np.floor(at)
+    index = first.astype(np.intp)
+    return index.clip(0, length - 1), (index + 1).clip(0, length - 1), at - first
 
 
 def describe(grey: Frame, cells: Frame, cell: int) -> Features:

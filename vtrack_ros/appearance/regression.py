@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import ClassVar, Self
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import Features, GRADIENT_CHANNELS, oriented_gradients
+from vtrack_ros.appearance.features import (
+    Features, GRADIENT_CHANNELS, oriented_gradients, sample_grids)
 from vtrack_ros.frame import Array, Frame, Point
 
 Spectrum = NDArray[np.complex64]
@@ -140,12 +140,12 @@ class ScaleRegression:
 
     A hyperplane tracker [Jurie and Dhome 2002] for one parameter: what the target would look like
     if the box were too small or too large is known by resampling one image, and ridge regression
-    finds the weights with which the features give the logarithm of the size's error. The grid,
-    shape (2, rows, columns), has the sample points from the target's centre, in pixels; the
+    finds the weights with which the features give the logarithm of the size's error. The axes,
+    shapes (columns,) and (rows,), are the sample points' from the target's centre, in pixels; the
     examples, shape (scales, features), are the features' running average at all scales.
     """
 
-    grid: NDArray[np.float32]
+    axes: tuple[NDArray[np.float32], NDArray[np.float32]]
     examples: NDArray[np.float32]
 
     @classmethod
@@ -154,10 +154,9 @@ class ScaleRegression:
         width, height = _REACH * width, _REACH * height
         shrink = np.sqrt(min(1.0, _AREA / (width * height)))
         columns, rows = (max(2, round(side * shrink / _CELL)) * _CELL for side in (width, height))
-        x, y = (side * ((np.arange(samples) + 0.5) / samples - 0.5)
+        x, y = ((side * ((np.arange(samples) + 0.5) / samples - 0.5)).astype(np.float32)
                 for side, samples in ((width, columns), (height, rows)))
-        grid = np.stack(np.meshgrid(x, y)).astype(np.float32)
-        return cls(grid, np.empty(0, np.float32))
+        return cls((x, y), np.empty(0, np.float32))
 
     def growth(self, grey: Frame, center: Point) -> float:
         """Return by which factor a target, its centre in pixels, is larger than learned."""
@@ -169,13 +168,13 @@ class ScaleRegression:
                 rate: float) -> ScaleRegression:
         """Return the regression after an example of the target, grown by a factor."""
         examples = self._features(grey, center, _EXAMPLES + np.log(growth))
-        fresh = ScaleRegression(self.grid, examples)
+        fresh = ScaleRegression(self.axes, examples)
         return self.mixed(fresh, rate) if rate < 1 else fresh
 
     def mixed(self, other: ScaleRegression, share: float) -> ScaleRegression:
         """Return the regression that has learned another one's examples too, as that share."""
         examples = np.float32(1 - share) * self.examples + np.float32(share) * other.examples
-        return ScaleRegression(self.grid, examples)
+        return ScaleRegression(self.axes, examples)
 
     @cached_property
     def _solution(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -190,13 +189,12 @@ class ScaleRegression:
     def _features(self, grey: Frame, center: Point,
                   scales: Array) -> NDArray[np.float32]:
         """Return the gradients, shape (scales, features), at logarithms of scale."""
-        columns = self.grid.shape[2]
-        factors = np.exp(scales).astype(np.float32)[:, None, None]
-        # OpenCV counts from the centre of a pixel, boxes from its outer corner
-        x, y = ((factors * axis + np.float32(middle - 0.5)).reshape(-1, columns)
-                for axis, middle in zip(self.grid, center))
+        factors = np.exp(scales).astype(np.float32)[:, None]
+        # samples count from the centre of a pixel, boxes from its outer corner
+        x, y = (factors * axis + np.float32(middle - 0.5)
+                for axis, middle in zip(self.axes, center))
         # one below the other; that a patch's first and last rows see their neighbour does no harm
-        stack = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        stack = sample_grids(grey, x, y).reshape(-1, x.shape[1])
         features = oriented_gradients(stack, _CELL).reshape(GRADIENT_CHANNELS, len(scales), -1)
         return features.transpose(1, 0, 2).reshape(len(scales), -1)
 

@@ -173,11 +173,18 @@ class ResponseMap:
 
     def sample(self, points: Array) -> Array:
         """Return the response at points, shape (N, 2) in pixels; 0 beyond the window."""
-        cells = self.cells(points).astype(np.float32)
-        values = cv2.remap(
-            self.values, cells[:, None], None, cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT, borderValue=0)
-        result: Array = values[:, 0].astype(np.float64)
+        # OpenCV's remap rounds places to a 32nd of a cell, or doesn't, as its version may be
+        padded = cv2.copyMakeBorder(self.values, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=0)
+        cells = self.cells(points)
+        first = np.floor(cells)
+        across, down = (cells - first).T
+        columns, rows = (first.clip(-2, self.values.shape[::-1]).astype(np.intp) + 2).T
+        values, width = padded.ravel(), padded.shape[1]
+        index = rows * width + columns
+        above, below = (
+            (1 - across) * values[index + line] + across * values[index + line + 1]
+            for line in (0, width))
+        result: Array = (1 - down) * above + down * below
         return result
 
     def sample_one(self, place: Point) -> float:
