@@ -104,7 +104,7 @@ def test_a_calibration_is_a_camera_or_refused(info, x, y):
 
 
 TARGET = SavedTarget('/tracker', 'gmpf', ('target', '1'), 1, 2, 3, 'camera', (7, 9, 3),
-                     Box(1, 1, 3, 3), (0, 0, 9, 7), FILES[0]).text()
+                     Box(1, 1, 3, 3), (0, 0, 9, 7), FILES[0], Box(1, 1, 2, 2), FILES[0]).text()
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text('x', max_size=2),
     lambda deeper: st.lists(deeper, max_size=4) | st.dictionaries(
@@ -122,6 +122,7 @@ def test_a_saved_target_is_one_or_refused(data, name, value):
             target = SavedTarget.parsed(text)
             if np.prod(target.shape) > 10**6:
                 continue
-            sound(target.frame(), target.shape[1], target.shape[0])
+            for image in (target.frame(), target.exemplar().placed(target.box, target.shape)):
+                sound(image, target.shape[1], target.shape[0])
         except ValueError:
             pass
