@@ -52,13 +52,13 @@ def test_another_session_goes_on(tracker):
 
 @pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_a_target_that_is_gone_is_not_tracked(tracker):
-    """Whatever is in its place now, it's soon said not to be the target."""
+    """Whatever is in its place now, it's said not to be the target within a third of a second."""
     video = DrawnVideo()
     data = saved(tracked(video, straight(4, (1.0, 0.5)), tracker))
     session = TrackingSession(tracker, seed=1)
     session.take_up(data.frame(), data.stamp, data.box, data.interval, data.exemplar())
-    states = [session.update(video.frame(None), STEP * index).state for index in range(30, 40)]
-    assert TrackState.TRACKING not in states[6:]
+    states = [session.update(video.frame(None), STEP * index).state for index in range(30, 45)]
+    assert TrackState.TRACKING not in states[10:]
 
 
 def restarted(session):
