@@ -250,6 +250,33 @@ def test_odd_sizes_do_no_harm(name, shape, box):
         check(tracker.update(frames[0], 0.37))
 
 
+@ALL
+def test_frames_of_one_colour_each_do_no_harm(name):
+    """A covered lens under a changing light has nothing to see; estimates stay finite."""
+    rng = np.random.default_rng(4)
+    for _ in range(8):
+        tracker = create_tracker(name, seed=1)
+        frames = [np.full((48, 64, 3), colour, np.uint8) for colour in rng.integers(256, size=5)]
+        tracker.start(frames[0], Box(*rng.uniform(5, 40, 2), *rng.uniform(1, 6, 2)))
+        for frame in frames[1:]:
+            check(tracker.update(frame))
+
+
+@pytest.mark.parametrize('seed', [18, 44, 47])
+@pytest.mark.parametrize('name', [
+    name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])
+def test_a_place_far_away_leaves_the_covariance_positive(name, seed):
+    """A vast target that's forecast far beyond the image: rounding makes no variance negative."""
+    rng = np.random.default_rng(seed)
+    frames = [rng.integers(256, size=(30, 40, 3), dtype=np.uint8) for _ in range(5)]
+    size = 10**rng.uniform(1, 4, 2)
+    tracker = create_tracker(name, seed=1, localiser='siamese', **network_files())
+    tracker.start(frames[0], Box(*(20, 15) - size * rng.uniform(0.3, 0.7, 2), *size))
+    for frame, dt in zip(frames[1:], (1.0, 1e9, 1e9, 1e9)):
+        covariance = tracker.update(frame, dt).covariance
+        assert np.linalg.eigvalsh(covariance).min() > -1e-12 * covariance.max()
+
+
 @cache
 def crossing():
     """Return the frames of a target that turns back, is hidden in part and for a while."""

@@ -100,12 +100,16 @@ class MeanShiftParticleFilter(LocalisedTracker):
 
 def _spread(response: ResponseMap, center: Point) -> Array:
     """Return the covariance of the place under the response taken as a likelihood, [px^2]."""
-    rows, columns = response.values.shape
-    x, y = np.arange(columns, dtype=np.float64), np.arange(rows, dtype=np.float64)
-    likelihood = np.exp(_SHARPNESS * (response.values / max(response.peak, 1e-6) - 1))
-    at_x, at_y = response.cells(np.array([center]))[0]
-    x, y = (x - at_x) * response.window.cell[0], (y - at_y) * response.window.cell[1]
+    # relative to the highest one, which counts as 1: no response is too small, or below 0, for it
+    excess = (response.values - response.peak).astype(np.float64)
+    likelihood = np.exp(_SHARPNESS / max(response.peak, 1e-6) * excess)
+    likelihood /= likelihood.sum()
+    places = [(np.arange(count) - at) * cell for count, at, cell in zip(
+        reversed(likelihood.shape), response.cells(np.array([center]))[0], response.window.cell)]
     in_x, in_y = likelihood.sum(0), likelihood.sum(1)
-    total = in_x.sum()
-    cross = float(y @ likelihood @ x) / total
-    return np.array([[in_x @ x**2 / total, cross], [cross, in_y @ y**2 / total]])
+    # about the mean first: far from it, their squares hide how the places spread
+    mean = np.array([in_x @ places[0], in_y @ places[1]])
+    x, y = (place - middle for place, middle in zip(places, mean))
+    cross = y @ likelihood @ x
+    spread = np.array([[in_x @ x**2, cross], [cross, in_y @ y**2]])
+    return spread + mean[:, np.newaxis] * mean
