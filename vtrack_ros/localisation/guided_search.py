@@ -22,6 +22,8 @@ _AROUND = 0.5
 _CANDIDATE = 0.6
 #: Maxima nearer to a higher one than that, in sides, are of the same thing.
 _DISTINCT = 0.5
+#: As many candidates are compared at most; a flat response has thousands of maxima.
+_CANDIDATES = 50
 #: Share of the usual response that makes a factor of e in the likelihood.
 _TEMPERATURE = 0.07
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
@@ -123,14 +125,16 @@ class GuidedSearch:
         if len(every) == 1:
             return Found(every[0][1], every[0][0], overruled=False)
         found: list[tuple[Point, ResponseMap, float]] = []
+        side = self._side
         for candidate in sorted(every, key=lambda each: -each[2]):
-            if all(math.dist(candidate[0], better[0]) > _DISTINCT * self._side
-                   for better in found):
+            if all(math.dist(candidate[0], better[0]) > _DISTINCT * side for better in found):
                 found.append(candidate)
+                if len(found) == _CANDIDATES:
+                    break
         values = np.array([value for _, _, value in found])
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
-        scores += self._mixture.log_density(places, self._forecasts, self._side, dt)
+        scores += self._mixture.log_density(places, self._forecasts, side, dt)
         best = int(scores.argmax())
         place, response, value = found[best]
         return Found(response, place, value < values.max())
