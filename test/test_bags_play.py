@@ -87,10 +87,10 @@ def latched_bag(path, topic='/latched'):
     return path
 
 
-def play(*arguments):
+def play(*arguments, command=('-m', 'vtrack_ros.cli.command_line')):
     """Start a player."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'vtrack_ros.cli.command_line', 'play', *map(str, arguments)],
+        [sys.executable, *command, 'play', *map(str, arguments)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
 
 
@@ -199,6 +199,41 @@ def test_signal_ends_it(repository):
             break
     code, out, _ = finish(player, signal.SIGINT)
     assert code == 130
+    assert out.startswith('published')
+
+
+#: `vtrack`, with another signal at each step of a signal's handler.
+NESTED_SIGNALS = """
+import signal, sys
+from vtrack_ros.cli.command_line import main
+
+install = signal.signal
+
+def nested(number, handler):
+    def handle(number, frame):
+        def again(*_):
+            sys.setprofile(None)
+            handler(signal.SIGTERM, frame)
+            sys.setprofile(again)
+        sys.setprofile(again)
+        handler(number, frame)
+        sys.setprofile(None)
+    return install(number, handle if callable(handler) else handler)
+
+signal.signal = nested
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_signals_that_interrupt_each_other_end_it(repository):
+    """A player that's told twice at once, as by Ctrl-C and whoever started it, ends just so."""
+    player = play(repository / 'bags' / 'full_occlusion', '--loop', '--rate', 0.01, '--wait', 0,
+                  command=('-c', NESTED_SIGNALS))
+    for line in player.stdout:
+        if line.startswith(str(repository)):
+            break
+    code, out, _ = finish(player, signal.SIGINT)
+    assert code == 0
     assert out.startswith('published')
 
 

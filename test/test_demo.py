@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import aiohttp
 from bag_material import write_short_bag
@@ -187,18 +188,40 @@ def test_camera(repository, tmp_path, end):
     assert shared and not any(one.exists() for one in shared)
 
 
-def test_video_as_camera(tmp_path):
-    """A video's images come again and again; what is no video says so."""
-    frames = [np.full((48, 64, 3), shade, np.uint8) for shade in (40, 200)]
-    writer = cv2.VideoWriter(str(tmp_path / 'video.avi'), cv2.VideoWriter_fourcc(*'MJPG'), 90,
-                             (64, 48))
-    for frame in frames:
-        writer.write(frame)
+@pytest.fixture
+def video(tmp_path):
+    """Return the path of a video of two images, at 90 Hz."""
+    path = tmp_path / 'video.avi'
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*'MJPG'), 90, (64, 48))
+    for shade in (40, 200):
+        writer.write(np.full((48, 64, 3), shade, np.uint8))
     writer.release()
+    return path
+
+
+def test_video_as_camera(tmp_path, video):
+    """A video's images come again and again; what is no video says so."""
     seen = [round(float(image.mean()), -1) for image in itertools.islice(
-        images(str(tmp_path / 'video.avi')), 5)]
+        images(str(video)), 5)]
     assert seen == [40, 200, 40, 200, 40]
     (tmp_path / 'text.avi').write_text('none')
     for name in ('text.avi', 'nowhere.avi'):
         with pytest.raises(NoImagesError, match=name):
             next(images(str(tmp_path / name)))
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'terminated'])
+def test_a_camera_ends_without_a_word(video, number):
+    """A camera is told to end by its terminal or by the demo: 0, and no traceback."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'vtrack_ros.demo.camera_source', str(video)], env=dict(os.environ),
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+    try:
+        while not segments(group(process.pid)):
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(number)
+        assert process.communicate(timeout=60)[0] == ''
+    finally:
+        process.kill()
+    assert process.returncode == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-import threading
+import queue
 import time
 from typing import Any
 
@@ -68,7 +68,9 @@ class Player:
             self._publishers[topic.name] = self._publisher(topic)
             if topic.message_type in messages.IMAGE_TYPES:
                 self._images.add(topic.name)
-        self.stop = threading.Event()
+        self._stopped = False
+        # who puts into it from a signal's handler needs no lock, unlike with an Event
+        self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
 
     def __enter__(self) -> Player:
         """Return the player."""
@@ -79,6 +81,15 @@ class Player:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
 
+    def stop(self) -> None:
+        """End it as soon as possible; a signal's handler may call it, even in the midst of a call."""
+        self._stops.put(None)
+
+    @property
+    def stopped(self) -> bool:
+        """Return whether it was stopped."""
+        return self._stops_within(0.0)
+
     def published_name(self, topic: str) -> str:
         """Return the name that a topic of the bag is published on."""
         return self._names.get(topic, topic)
@@ -87,17 +98,17 @@ class Player:
         """Wait until all images have a subscriber (everything, without images) or time is up."""
         needed = [self._publishers[name] for name in self._images or self._publishers]
         deadline = time.monotonic() + seconds
-        while not self.stop.is_set():
+        while not self.stopped:
             if all(publisher.get_subscription_count() for publisher in needed):
                 return True
             if time.monotonic() >= deadline:
                 return False
-            self.stop.wait(0.01)
+            self._stops_within(0.01)
         return False
 
     def play(self, pace: Pace) -> Played:
         """
-        Publish until the end, or until `stop` is set; BagError if the bag turns out to be broken.
+        Publish until the end, or until it's stopped; BagError if the bag turns out to be broken.
 
         Every message has its time from the first one's, so that delays don't add up.
         """
@@ -106,7 +117,7 @@ class Player:
         began = time.monotonic()
         while True:
             self._play_once(pace, clock, played)
-            if self.stop.is_set() or not pace.loop:
+            if self.stopped or not pace.loop:
                 break
         played.seconds = time.monotonic() - began
         self._wait_for_acknowledgement()
@@ -120,20 +131,25 @@ class Player:
             first = message.received if first is None else first
             due = (message.received - first) / 1e9 / pace.rate
             while clock is not None and tick / pace.clock <= due:
-                if not self._sleep_until(began + tick / pace.clock):
+                if self._stops_within(began + tick / pace.clock - time.monotonic()):
                     return
                 clock(first + round(tick / pace.clock * pace.rate * 1e9))
                 tick += 1
-            if not self._sleep_until(began + due):
+            if self._stops_within(began + due - time.monotonic()):
                 return
             self._publishers[message.topic].publish(bytes(message.data))
             played.counts[self.published_name(message.topic)] += 1
             played.images += message.topic in self._images
 
-    def _sleep_until(self, moment: float) -> bool:
-        """Wait; return False if stopped."""
-        left = moment - time.monotonic()
-        return not (self.stop.wait(left) if left > 0 else self.stop.is_set())
+    def _stops_within(self, seconds: float) -> bool:
+        """Wait for so long, unless it's stopped before; return whether it is."""
+        if not self._stopped:
+            try:
+                self._stops.get(timeout=max(0.0, seconds))
+                self._stopped = True
+            except queue.Empty:
+                pass
+        return self._stopped
 
     def _wait_for_acknowledgement(self) -> None:
         """Let reliable subscribers get what was sent last, before the publishers go."""

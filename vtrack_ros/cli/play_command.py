@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 import signal
 import sys
+from typing import Any
 
 from vtrack_ros.bags import BagReader
 from vtrack_ros.bags.player import Pace, Played, Player
@@ -44,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
+    caught: list[int] = []
+    earlier: dict[int, Any] = {}
     with BagReader(arguments.bag) as bag:
         warn('vtrack play', bag.notice)
         rclpy = load_rclpy('playing')
@@ -55,38 +58,36 @@ def run(arguments: argparse.Namespace) -> int:
         try:
             with Player(node, bag, arguments.topic, dict(arguments.remap),
                         arguments.qos) as player:
-                return _play(player, bag, arguments)
+                def stop(number: int, _: object) -> None:
+                    caught.append(number)
+                    player.stop()
+                for number in (signal.SIGINT, signal.SIGTERM):
+                    earlier[number] = signal.signal(number, stop)
+                _play(player, bag, arguments)
         finally:
             node.destroy_node()
             rclpy.try_shutdown(context=context)
-
-
-def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> int:
-    caught: list[int] = []
-
-    def stop(number: int, _: object) -> None:
-        caught.append(number)
-        player.stop.set()
-
-    earlier = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        # JSON has standard output for itself.
-        stream = sys.stderr if arguments.json else sys.stdout
-        for reason in player.skipped:
-            print(f'vtrack play: left out {reason}', file=sys.stderr)
-        for topic in player.topics:
-            name = player.published_name(topic.name)
-            print(f'{name}: {topic.count} {topic.message_type}', file=stream)
-        print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
-        if arguments.wait and not player.wait_for_subscribers(arguments.wait) and not caught:
-            print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',
-                  file=stream, flush=True)
-        played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock))
-        _report(played, arguments.json)
-    finally:
-        for number, handler in earlier.items():
-            signal.signal(number, handler)
+            # only now: a second signal must leave no shared memory behind
+            for number, handler in earlier.items():
+                signal.signal(number, handler)
     return 128 + caught[0] if caught and not arguments.loop else 0
+
+
+def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None:
+    # JSON has standard output for itself.
+    stream = sys.stderr if arguments.json else sys.stdout
+    for reason in player.skipped:
+        print(f'vtrack play: left out {reason}', file=sys.stderr)
+    for topic in player.topics:
+        name = player.published_name(topic.name)
+        print(f'{name}: {topic.count} {topic.message_type}', file=stream)
+    print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
+    if (arguments.wait and not player.wait_for_subscribers(arguments.wait)
+            and not player.stopped):
+        print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',
+              file=stream, flush=True)
+    played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock))
+    _report(played, arguments.json)
 
 
 def _report(played: Played, as_json: bool) -> None:

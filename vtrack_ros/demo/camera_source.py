@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+import signal
 import sys
 import time
 
@@ -54,13 +55,16 @@ def images(source: str) -> Iterator[Frame]:
 
 
 def main(source: str) -> int:
-    """Publish on `image` until Ctrl-C."""
+    """Publish on `image` until SIGINT or SIGTERM."""
     import rclpy
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Image
 
     from vtrack_ros.messages.images import fill_image
-    rclpy.init()
+    ended: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda caught, _: ended.append(caught))
+    rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
     node = rclpy.create_node('camera')
     publisher = node.create_publisher(Image, 'image', qos_profile_sensor_data)
     message = Image()
@@ -69,6 +73,10 @@ def main(source: str) -> int:
         fill_image(message, frame)
         message.header.stamp = node.get_clock().now().to_msg()
         publisher.publish(message)
+        if ended:
+            break
+    node.destroy_node()
+    rclpy.try_shutdown()
     return 0
 
 
