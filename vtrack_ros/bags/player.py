@@ -82,7 +82,7 @@ class Player:
             self._node.destroy_publisher(publisher)
 
     def stop(self) -> None:
-        """End it as soon as possible; a signal's handler may call it, even in the midst of a call."""
+        """End it soon; a signal's handler may call it, even in the midst of a call."""
         self._stops.put(None)
 
     @property

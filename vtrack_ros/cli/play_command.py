@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
     caught: list[int] = []
-    earlier: dict[int, Any] = {}
+    earlier: dict[signal.Signals, Any] = {}
     with BagReader(arguments.bag) as bag:
         warn('vtrack play', bag.notice)
         rclpy = load_rclpy('playing')

@@ -112,4 +112,5 @@ def _spread(response: ResponseMap, center: Point) -> Array:
     x, y = (place - middle for place, middle in zip(places, mean))
     cross = y @ likelihood @ x
     spread = np.array([[in_x @ x**2, cross], [cross, in_y @ y**2]])
-    return spread + mean[:, np.newaxis] * mean
+    spread += mean[:, np.newaxis] * mean
+    return spread
