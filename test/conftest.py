@@ -12,8 +12,9 @@ from vtrack_ros.dds import reserve_domain
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-# Before any test module imports NumPy: a thread a worker, as the node itself has.
+# Before any test module imports NumPy or OpenCV: a thread a worker, as the node itself has.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+os.environ.setdefault('OPENCV_FOR_THREADS_NUM', '1')
 # Before any test module imports rclpy.
 _domain_guard = reserve_domain()
 

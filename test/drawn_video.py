@@ -46,7 +46,7 @@ class DrawnVideo:
                                [0.0, 1.0, center[1] - TARGET[1] / 2]])
             cv2.warpAffine(self._target.astype(np.float32), matrix, SIZE, dst=image,
                            flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
-        image += self._rng.normal(0, noise, (*image.shape[:2], 1)).astype(np.float32)
+        image += noise * self._rng.standard_normal((*image.shape[:2], 1), np.float32)
         result = np.clip(image, 0, 255).astype(np.uint8)
         return result if self.colour else cv2.cvtColor(result, cv2.COLOR_BGR2GRAY)
 

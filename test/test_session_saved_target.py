@@ -71,16 +71,17 @@ def restarted(session):
 
 @pytest.mark.parametrize('tracker', ['gmpf', 'dcf'])
 def test_a_target_outlives_many_sessions(tracker):
-    """What each one is off by doesn't add up: thirty restarts, half a second of frames each."""
-    video, session, path = DrawnVideo(), None, straight(8, (4.0, 0.0))
+    """What each one is off by doesn't add up: thirty restarts, a third of a second of frames each."""
+    path = straight(8, (4.0, 0.0))
     there_and_back = path + path[::-1]
-    centers = [there_and_back[index % len(there_and_back)] for index in range(30 * 15)]
+    frames = list(DrawnVideo().frames(there_and_back))
     session = TrackingSession(tracker, seed=1)
-    session.start(video.frame(centers[0]), 0, box_at(centers[0]))
-    for index, center in enumerate(centers[1:], 1):
-        if index % 15 == 0:
+    session.start(frames[0], 0, box_at(there_and_back[0]))
+    for index in range(1, 30 * 10):
+        if index % 10 == 0:
             session = restarted(session)
-        estimate = session.update(video.frame(center), STEP * index)
+        center = there_and_back[index % len(frames)]
+        estimate = session.update(frames[index % len(frames)], STEP * index)
         assert estimate.box.iou(box_at(center)) > 0.8 and estimate.measured
 
 
