@@ -71,7 +71,7 @@ def restarted(session):
 
 @pytest.mark.parametrize('tracker', ['gmpf', 'dcf'])
 def test_a_target_outlives_many_sessions(tracker):
-    """What each one is off by doesn't add up: thirty restarts, a third of a second of frames each."""
+    """What each one is off by does not add up: thirty restarts, ten frames each."""
     path = straight(8, (4.0, 0.0))
     there_and_back = path + path[::-1]
     frames = list(DrawnVideo().frames(there_and_back))
