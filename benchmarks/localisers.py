@@ -3,8 +3,8 @@ A network under a filter beside the same network alone, as OpenCV's TrackerNano 
 
 `VTRACK_NANOTRACK=FOLDER python benchmarks/localisers.py [--seeds K] [--frames N]` writes
 docs/results/localisers.json and .md; the folder has nanotrack_backbone_sim.onnx and
-nanotrack_head_sim.onnx. The stressed sequences are shorter, with one severity of each kind, in the
-middle; each of their seeds is a stress of its own, and the trackers'.
+nanotrack_head_sim.onnx. Each seed of the stressed sequences is a stress of its own, and the
+trackers'. Runs are kept, as those of `vtrack evaluate`: what was interrupted goes on.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from shared_sequences import FOLDER as SEQUENCES, folder_sequences, is_tuned
 
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, Results, TrackerSpecification
+from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.stress import frame_size, stressed_sequence
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
@@ -43,13 +44,15 @@ def main(argv: list[str] | None = None) -> int:
         return 2
     trackers = _trackers(Path(os.environ[FOLDER]))
     whole, _ = folder_sequences(arguments.sequences, arguments.frames or None)
-    short, _ = folder_sequences(arguments.sequences, arguments.stressed)
-    plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'))
+    short, _ = folder_sequences(arguments.sequences, arguments.stressed or None)
+    cache = RunCache(default_folder())
+    plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'), cache)
     kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
     networks = [one for one in trackers if one.label != DCF]
     stressed = {kind: [evaluate(networks, [
-        stressed_sequence(one, kind, _severity(kind), seed, frame_size(one))
-        for one in short], [seed], arguments.jobs, ProgressBar(f'{kind} {seed}'))
+        stressed_sequence(one, kind, severity, seed, frame_size(one), one.fingerprint())
+        for one in short], [seed], arguments.jobs, ProgressBar(f'{kind} {severity:g} {seed}'),
+        cache) for severity in STRESS_KINDS[kind].severities
         for seed in range(arguments.stress_seeds)] for kind in kinds}
     problems = [str(one) for results in (plain, *chain(*stressed.values()))
                 for one in results.problems]
@@ -77,15 +80,14 @@ def _trackers(folder: Path) -> list[TrackerSpecification]:
         TrackerSpecification(ALONE, 'opencv_nano', (('backbone', backbone), ('head', head)))]
 
 
-def _severity(kind: str) -> float:
-    severities = tuple(STRESS_KINDS[kind].severities)
-    return severities[len(severities) // 2]
-
-
 def _by_target(results: list[Results], tracker: str) -> Array:
-    """Return a tracker's AUC under a kind of stress, shape (targets,), the mean over the seeds."""
+    """Return a tracker's AUC under a kind of stress, shape (targets,), the mean of all results."""
     return np.mean([[row[tracker]['auc'] for row in one.by_sequence.values()]
                     for one in results], axis=0)
+
+
+def _severities(kind: str) -> str:
+    return ', '.join(f'{severity:g}' for severity in STRESS_KINDS[kind].severities)
 
 
 def _page(plain: Results, stressed: dict[str, list[Results]],
@@ -99,7 +101,7 @@ def _page(plain: Results, stressed: dict[str, list[Results]],
                      *(f'{np.mean(half):.3f}' for half in halves),
                      '-' if label == ALONE else interval_text(difference(plain, label, ALONE))])
     under = [['', SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
-    rates = {f'{kind} {_severity(kind):g} ({STRESS_KINDS[kind].unit})': [
+    rates = {f'{kind} {_severities(kind)} ({STRESS_KINDS[kind].unit})': [
         _by_target(results, label) for label in (SIAMESE, ALONE)]
         for kind, results in stressed.items()}
     rates['**mean**'] = np.mean(list(rates.values()), axis=0)
@@ -109,7 +111,9 @@ def _page(plain: Results, stressed: dict[str, list[Results]],
     by_target = [['target', DCF, SIAMESE, ALONE]]
     by_target += [[name, *(f'{row[label]["auc"]:.3f}' for label in (DCF, SIAMESE, ALONE))]
                   for name, row in plain.by_sequence.items()]
-    length = f'the first {arguments.frames} frames' if arguments.frames else 'all frames'
+    length, stressed_length = (
+        f'the first {frames} frames' if frames else 'all frames'
+        for frames in (arguments.frames, arguments.stressed))
     return (
         '# Localisers: a network under a filter, and alone\n\n'
         f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py` with the public weights of '
@@ -119,8 +123,8 @@ def _page(plain: Results, stressed: dict[str, list[Results]],
         f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
         f'{ALONE} has a score, its confidence here, and no covariance; it never says that it lost '
         'the target. Times are processor time, and depend on what else the machine did.\n\n'
-        f'## Under stress\n\nAUC over the first {arguments.stressed} frames, seeds: '
-        f'{arguments.stress_seeds}, each kind at its middle severity.\n\n{markdown(under)}\n\n'
+        f'## Under stress\n\nAUC over {stressed_length}, seeds: {arguments.stress_seeds}, the '
+        f'mean over the severities of each kind.\n\n{markdown(under)}\n\n'
         f'## AUC by target, as they are\n\n{markdown(by_target)}\n')
 
 
@@ -128,7 +132,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
     parser.add_argument('--sequences', type=Path, default=SEQUENCES)
     parser.add_argument('--frames', type=int, default=150, help='0: all')
-    parser.add_argument('--stressed', type=int, default=100, metavar='FRAMES')
+    parser.add_argument('--stressed', type=int, default=100, metavar='FRAMES', help='0: all')
     parser.add_argument('--kinds', default='all', metavar='A,B,...')
     parser.add_argument('--seeds', type=int, default=5)
     parser.add_argument('--stress-seeds', type=int, default=5, metavar='K')
