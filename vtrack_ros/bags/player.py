@@ -43,18 +43,46 @@ class Played:
     seconds: float = 0.0
 
 
+class StopRequest:
+    """
+    A request to stop, made at any time and waited for: an event for the handlers of signals.
+
+    The lock of a `threading.Event` may be held by whom a handler interrupts, another handler even.
+    """
+
+    def __init__(self) -> None:
+        self._requests: queue.SimpleQueue[None] = queue.SimpleQueue()
+
+    def make(self) -> None:
+        """Make it."""
+        self._requests.put(None)
+
+    def made(self) -> bool:
+        """Return whether it was made."""
+        return not self._requests.empty()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait until it's made, or for so long; return whether it was made."""
+        try:
+            self._requests.put(self._requests.get(timeout=seconds))
+        except queue.Empty:
+            return False
+        return True
+
+
 class Player:
     """
     Publishes the raw messages of an open bag through an rclpy node; a context manager.
 
     `topics` are by default all, `names` topic in the bag -> topic to publish on, where they
     differ. `reliability` is reliable, best_effort, or auto: as was offered at recording;
-    durability always is as it was. BagError if a topic isn't in the bag, none can be played, or a
-    name won't do for ROS.
+    durability always is as it was. `stop` ends it. BagError if a topic isn't in the bag, none can
+    be played, or a name won't do for ROS.
     """
 
     def __init__(self, node: Any, bag: BagReader, topics: Iterable[str] | None = None,
-                 names: Mapping[str, str] | None = None, reliability: str = 'auto') -> None:
+                 names: Mapping[str, str] | None = None, reliability: str = 'auto',
+                 stop: StopRequest | None = None) -> None:
         self._node = node
         self._bag = bag
         self._names = {absolute(old): absolute(new) for old, new in (names or {}).items()}
@@ -68,9 +96,7 @@ class Player:
             self._publishers[topic.name] = self._publisher(topic)
             if topic.message_type in messages.IMAGE_TYPES:
                 self._images.add(topic.name)
-        self._stopped = False
-        # who puts into it from a signal's handler needs no lock, unlike with an Event
-        self._stops: queue.SimpleQueue[None] = queue.SimpleQueue()
+        self.stop = stop or StopRequest()
 
     def __enter__(self) -> Player:
         """Return the player."""
@@ -81,15 +107,6 @@ class Player:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
 
-    def stop(self) -> None:
-        """End it soon; a signal's handler may call it, even in the midst of a call."""
-        self._stops.put(None)
-
-    @property
-    def stopped(self) -> bool:
-        """Return whether it was stopped."""
-        return self._stops_within(0.0)
-
     def published_name(self, topic: str) -> str:
         """Return the name that a topic of the bag is published on."""
         return self._names.get(topic, topic)
@@ -98,17 +115,17 @@ class Player:
         """Wait until all images have a subscriber (everything, without images) or time is up."""
         needed = [self._publishers[name] for name in self._images or self._publishers]
         deadline = time.monotonic() + seconds
-        while not self.stopped:
+        while not self.stop.made():
             if all(publisher.get_subscription_count() for publisher in needed):
                 return True
             if time.monotonic() >= deadline:
                 return False
-            self._stops_within(0.01)
+            self.stop.wait(0.01)
         return False
 
     def play(self, pace: Pace) -> Played:
         """
-        Publish until the end, or until it's stopped; BagError if the bag turns out to be broken.
+        Publish until the end or a request to stop; BagError if the bag turns out to be broken.
 
         Every message has its time from the first one's, so that delays don't add up.
         """
@@ -117,7 +134,7 @@ class Player:
         began = time.monotonic()
         while True:
             self._play_once(pace, clock, played)
-            if self.stopped or not pace.loop:
+            if self.stop.made() or not pace.loop:
                 break
         played.seconds = time.monotonic() - began
         self._wait_for_acknowledgement()
@@ -131,25 +148,20 @@ class Player:
             first = message.received if first is None else first
             due = (message.received - first) / 1e9 / pace.rate
             while clock is not None and tick / pace.clock <= due:
-                if self._stops_within(began + tick / pace.clock - time.monotonic()):
+                if not self._sleep_until(began + tick / pace.clock):
                     return
                 clock(first + round(tick / pace.clock * pace.rate * 1e9))
                 tick += 1
-            if self._stops_within(began + due - time.monotonic()):
+            if not self._sleep_until(began + due):
                 return
             self._publishers[message.topic].publish(bytes(message.data))
             played.counts[self.published_name(message.topic)] += 1
             played.images += message.topic in self._images
 
-    def _stops_within(self, seconds: float) -> bool:
-        """Wait for so long, unless it's stopped before; return whether it is."""
-        if not self._stopped:
-            try:
-                self._stops.get(timeout=max(0.0, seconds))
-                self._stopped = True
-            except queue.Empty:
-                pass
-        return self._stopped
+    def _sleep_until(self, moment: float) -> bool:
+        """Wait; return False if stopped."""
+        left = moment - time.monotonic()
+        return not (self.stop.wait(left) if left > 0 else self.stop.made())
 
     def _wait_for_acknowledgement(self) -> None:
         """Let reliable subscribers get what was sent last, before the publishers go."""

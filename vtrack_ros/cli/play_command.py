@@ -5,10 +5,9 @@ import json
 from pathlib import Path
 import signal
 import sys
-from typing import Any
 
 from vtrack_ros.bags import BagReader
-from vtrack_ros.bags.player import Pace, Played, Player
+from vtrack_ros.bags.player import Pace, Played, Player, StopRequest
 from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
@@ -46,28 +45,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
     caught: list[int] = []
-    earlier: dict[signal.Signals, Any] = {}
+    stop = StopRequest()
+
+    def end(number: int, _: object) -> None:
+        caught.append(number)
+        stop.make()
+
     with BagReader(arguments.bag) as bag:
         warn('vtrack play', bag.notice)
         rclpy = load_rclpy('playing')
+        # Until ROS is down again, a signal ends the player between two messages, after a last
+        # word; another one must not leave shared memory behind.
+        earlier = {
+            number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
         context = rclpy.context.Context()
-        # Our own handlers end the player between two messages, after a last word.
         # ROS would read our arguments as its own, and rename topics once more.
         rclpy.init(args=[], context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
         node = rclpy.create_node('vtrack_play', context=context)
         try:
-            with Player(node, bag, arguments.topic, dict(arguments.remap),
-                        arguments.qos) as player:
-                def stop(number: int, _: object) -> None:
-                    caught.append(number)
-                    player.stop()
-                for number in (signal.SIGINT, signal.SIGTERM):
-                    earlier[number] = signal.signal(number, stop)
+            with Player(node, bag, arguments.topic, dict(arguments.remap), arguments.qos,
+                        stop) as player:
                 _play(player, bag, arguments)
         finally:
             node.destroy_node()
             rclpy.try_shutdown(context=context)
-            # only now: a second signal must leave no shared memory behind
             for number, handler in earlier.items():
                 signal.signal(number, handler)
     return 128 + caught[0] if caught and not arguments.loop else 0
@@ -82,8 +83,8 @@ def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None
         name = player.published_name(topic.name)
         print(f'{name}: {topic.count} {topic.message_type}', file=stream)
     print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
-    if (arguments.wait and not player.wait_for_subscribers(arguments.wait)
-            and not player.stopped):
+    if arguments.wait and not (
+            player.wait_for_subscribers(arguments.wait) or player.stop.made()):
         print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',
               file=stream, flush=True)
     played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock))
