@@ -94,7 +94,7 @@ def interval(gaps: Array) -> tuple[float, float, float]:
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
     parser.add_argument('--sequences', type=Path, default=FOLDER)
-    parser.add_argument('--trackers', default='all,peers')
+    parser.add_argument('--trackers', default='all,opencv_csrt,opencv_kcf')
     parser.add_argument('--seeds', type=int, default=5)
     parser.add_argument('--jobs', type=int)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
