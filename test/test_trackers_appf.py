@@ -170,6 +170,19 @@ def test_a_turned_target_is_localised_upright():
     assert_allclose(localiser.center, moved, atol=1.5)
 
 
+def test_a_turned_target_stays_in_the_image():
+    """What is inside the image that's turned back may lie beyond the image itself."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        frames = [np.repeat(rng.integers(256, size=(9, 1, 3), dtype=np.uint8), 5, 0)
+                  for _ in range(5)]
+        tracker = create_tracker('appf', seed=seed, rotation_noise=1.0, keypoints=False)
+        tracker.start(frames[0], Box(0, 1, 1, 61))
+        for frame in frames[1:]:
+            x, y = tracker.update(frame).box.center
+            assert 0 <= x <= 1 and 0 <= y <= 45
+
+
 def test_the_covariance_stays_positive_definite_while_the_target_leaves():
     drawn = _Drawn()
     tracker = started(drawn, (270.0, 120.0))

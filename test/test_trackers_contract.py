@@ -262,6 +262,21 @@ def test_frames_of_one_colour_each_do_no_harm(name):
             check(tracker.update(frame))
 
 
+@ALL
+def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
+    """However uncertain a place may be: no farther than the image and as much again all around."""
+    path = straight(8, (3.0, 0.0))
+    frames = list(DrawnVideo().frames(path))
+    for pause in (1e2, 1e3, 1e5, 1e9):
+        tracker = create_tracker(name, seed=1)
+        tracker.start(frames[0], box_at(path[0]))
+        for frame in frames[1:]:
+            tracker.update(frame)
+        for _ in range(3):
+            covariance = tracker.update(frames[-1], pause).covariance
+            assert np.sqrt(covariance.diagonal()[:2]).max() < 3 * max(SIZE)
+
+
 @pytest.mark.parametrize('seed', [18, 44, 47])
 @pytest.mark.parametrize('name', [
     name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])

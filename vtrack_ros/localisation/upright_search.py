@@ -9,7 +9,7 @@ import numpy as np
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
 from vtrack_ros.localisation.hypotheses import Hypotheses
-from vtrack_ros.localisation.search_window import ResponseMap
+from vtrack_ros.localisation.search_window import inside, ResponseMap
 
 #: When the response falls short of this share of the usual one, another rotation is tried if it
 #: differs by that, [rad], and taken if the response is so much higher in it.
@@ -107,7 +107,7 @@ class UprightSearch:
         within = np.abs(np.array(localiser.center) - turn.pivot) < self._half_sides()
         if turn.angle and within.all():
             x, y = turn.into_frame(np.array(localiser.center))
-            localiser.move_to((float(x), float(y)))
+            localiser.move_to(inside((float(x), float(y)), found.upright))
         elif elsewhere:
             self.angle = 0.0
         return elsewhere

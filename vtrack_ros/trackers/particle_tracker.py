@@ -83,6 +83,7 @@ class ParticleTracker(LocalisedTracker):
         response = found.response
         center, error = self._measured(found)
         proposed = self._filter.propose(center, dt, error)
+        _bound(proposed.states, frame, dt)
         boxes = self._boxes(proposed.states)
         likelihood = response.sample(proposed.states[:, :2])
         likelihood *= 1 / (float(self._parameters['temperature']) * localiser.usual_response)
@@ -142,6 +143,14 @@ class ParticleTracker(LocalisedTracker):
         boxes[:, :2] = states[:, :2]
         boxes[:, 2:] = self._localiser.size
         return boxes
+
+
+def _bound(states: Array, frame: Frame, dt: float) -> None:
+    """Keep places within a frame's size of the frame, and velocities what crosses all that."""
+    height, width = frame.shape[:2]
+    across, down = 3 * width / dt, 3 * height / dt
+    np.maximum(states, (-width, -height, -across, -down), out=states)
+    np.minimum(states, (2 * width, 2 * height, across, down), out=states)
 
 
 class PriorParticleFilter(ParticleTracker):
