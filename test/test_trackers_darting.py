@@ -35,7 +35,7 @@ def test_a_target_that_darts_to_and_fro_is_placed_exactly(name, seed):
 @pytest.mark.parametrize('name, speed', [
     *((name, 0.03) for name in NAMES), ('dcf', -0.03), ('dcf', 0.04), ('appf', -0.03)])
 def test_a_target_that_grows_quickly_is_followed(name, speed):
-    """Three or four per cent a frame, then it rests: the size lags by a frame's growth or so."""
+    """Three or four per cent a frame, then it rests: the size lags by a frame's growth or two."""
     video = DrawnVideo(seed=1)
     tracker = create_tracker(name, seed=1)
     tracker.start(video.frame(MIDDLE), box_at(MIDDLE))
@@ -48,6 +48,7 @@ def test_a_target_that_grows_quickly_is_followed(name, speed):
             video.frame(MIDDLE), matrix, SIZE, borderMode=cv2.BORDER_REFLECT)
         box = tracker.update(frame).box
         errors.append(np.log(box.area / (TARGET[0] * TARGET[1])) / 2 - np.log(zoom))
-    # before the size is first measured, in the fourth frame, nothing can be known
-    assert np.abs(errors[4:24]).mean() < abs(speed)
+    # before the size is first measured, in the fourth frame, nothing can be known; measured in
+    # every fourth one alone, it would be 0, 1, 2, 3 frames' growth behind, and what it missed
+    assert np.abs(errors[4:24]).mean() < 1.3 * abs(speed)
     assert abs(errors[-1]) < 0.03
