@@ -40,9 +40,9 @@ def known():
     return snapshot, InitialTemplate.of(model, window)
 
 
-def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0):
+def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0, fixed=False):
     """Return a search with a snapshot, two windows a frame."""
-    return Redetection(snapshot, verifier, velocity, age, 2, np.random.default_rng(seed))
+    return Redetection(snapshot, verifier, velocity, age, 2, np.random.default_rng(seed), fixed)
 
 
 @pytest.mark.parametrize('similarity, peak, failed', [
@@ -165,6 +165,19 @@ def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
         frame = VIDEO.frame((HERE[0] + 5.0 * (36 + count), HERE[1] + 3.0 * (36 + count)))
         over = over or redetection.update(frame, known[0], here, 0.5, 1.0).over
     assert over is jumps
+
+
+@pytest.mark.parametrize('fixed, usual, here, follows', [
+    (True, 0.7, 0.1, True), (False, 0.7, 0.1, False),
+    (True, 2.0, 0.1, False), (True, 0.7, 0.9, False)])  # too low for it, or no higher than here
+def test_a_model_that_never_learns_is_followed_unverified(known, fixed, usual, here, follows):
+    """To a far higher response, usual for the target; but it isn't found until it's verified."""
+    snapshot = replace(known[0], usual_response=usual)
+    redetection = search(snapshot, Verifier(0.0), (5.0, 3.0), 36.0, fixed=fixed)
+    place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
+    verdict = redetection.update(VIDEO.frame(place), snapshot, 0.0, here, 1.0)
+    assert verdict.elsewhere is follows and not verdict.over
+    assert np.hypot(*np.subtract(verdict.live.center, place if follows else HERE)) < 4
 
 
 @pytest.mark.parametrize('here, frames', [(0.034, 1), (0.036, 5)])

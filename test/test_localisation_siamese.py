@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 import re
 
@@ -98,6 +99,29 @@ def test_the_box_is_what_the_user_means_by_the_target(files, tmp_path):
     for _ in range(10):
         box = tracker.update(frame_at(START)).box
     np.testing.assert_allclose([box.width, box.height], TARGET, rtol=0.02)
+
+
+def test_what_the_user_meant_holds_while_the_target_looks_the_same(files, tmp_path):
+    """Of a target that looks as at first the boxes are corrected in full, of another one less."""
+    head = write_head(tmp_path / 'large.onnx', grow=1.05)
+    network = SiameseNetwork(files['siamese.backbone'], head)
+    frame, layout = frame_at(START), WindowLayout.around(*TARGET)
+    first = SiameseModel.beside(
+        TargetModel.create(layout.window(frame, START, TARGET)), network, frame, START, TARGET)
+
+    def widths(similarity):
+        model, found = first, []
+        for _ in range(30):
+            found.append(model.localise(frame, START, TARGET).box_at(START)[2])
+            model = model.seen(similarity)
+        return np.array(found)
+
+    np.testing.assert_allclose(widths(0.75), TARGET[0], rtol=0.02)
+    other = widths(0.0)
+    assert other[0] == widths(0.75)[0] and (np.diff(np.abs(other - TARGET[0])) > 0).all()
+    uncorrected = replace(first, correction=np.array([0.0, 0.0, 1.0, 1.0]))
+    np.testing.assert_allclose(
+        other[-1], uncorrected.localise(frame, START, TARGET).box_at(START)[2], rtol=0.02)
 
 
 @pytest.mark.parametrize('wrong', [-1.0, 1e30, np.nan])

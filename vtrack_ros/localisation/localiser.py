@@ -43,6 +43,8 @@ class Localiser:
 
     #: So many windows, beside the first one, may be searched in a frame.
     MORE_WINDOWS: ClassVar[int] = 12
+    #: Whether the model stays as it was in the first frame.
+    FIXED: ClassVar[bool] = False
     #: What learns the target; one with cues of its own is named by a subclass.
     MODEL: ClassVar[type[TargetModel]] = TargetModel
 
@@ -136,7 +138,7 @@ class Localiser:
             if verdict.over:
                 self._failure = None
         self.restarted = False
-        if elsewhere:
+        if elsewhere and not self.uncertain:
             self._global.restart(self._similarity)
         elif search:
             sighting = self._global.update(
@@ -245,7 +247,7 @@ class Localiser:
         if has_failed(before, self._similarity, peak):
             self._velocity.interrupt()
             self._failure = Redetection(before, self._template, self._velocity.velocity, dt,
-                                        self._searches, self._rng)
+                                        self._searches, self._rng, self.FIXED)
         else:
             self._live = self._live.followed(peak, self._similarity)
 

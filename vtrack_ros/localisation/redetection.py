@@ -28,8 +28,19 @@ _WORTH_VERIFYING = 0.5
 _EXTRAPOLATED_FRAMES = 60
 #: By which factor the size of a target may change that isn't certain.
 _DRIFT = 1.5
-#: No place, its similarity and sharpness.
-_NOTHING = (0.0, 0.0), -np.inf, 0.0
+#: A model that doesn't learn prefers another place where its response has this share of the usual
+#: one before the failure, and is higher than at the present place by so much.
+_PREFERRED, _PREFERENCE = 0.7, 0.2
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A place that was searched, in pixels, its similarity, and its response."""
+
+    center: Point
+    similarity: float
+    peak: float
+    sharpness: float
 
 
 @dataclass(frozen=True)
@@ -37,8 +48,8 @@ class Verdict:
     """
     What one more frame of a search says: what to go on with, and how similar its place is.
 
-    `over` tells whether the failure is over, `elsewhere` whether another place ended it, where the
-    response has that sharpness.
+    `over` tells whether the failure is over, `elsewhere` whether it goes on at another place, where
+    the response has that sharpness.
     """
 
     live: TargetSnapshot
@@ -57,15 +68,18 @@ class Redetection:
     one, which it replaces once it has found a place that is verifiably more similar to the target.
     The failure is over, too, when the live place has been similar enough for a while. The velocity
     before the failure, [px/frame], says where the target may have gone since.
+
+    Where the model doesn't learn (`fixed`), a far higher response elsewhere is followed too: it's
+    the same model's, so it can be compared, but the failure is over only once that is verified.
     """
 
     def __init__(self, snapshot: TargetSnapshot, template: InitialTemplate, velocity: Point,
-                 age: float, searches: int, rng: np.random.Generator) -> None:
+                 age: float, searches: int, rng: np.random.Generator, fixed: bool = False) -> None:
         self._snapshot, self._template = snapshot, template
         self._velocity = velocity
         self._age = age
         self._searches = searches
-        self._rng = rng
+        self._rng, self._fixed = rng, fixed
         self._updates = self._trusted_frames = self._jump_frames = 0
 
     def bounds(self, width: float) -> tuple[float, float]:
@@ -93,19 +107,33 @@ class Redetection:
             return Verdict(replace(live, usual_similarity=similarity), similarity, over=True)
         if self._trusted_frames >= _TRUSTED_FRAMES:
             return Verdict(live, similarity, over=True)
-        place, found, sharpness = self._best_place(frame, live.center) if search else _NOTHING
-        if found < max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN)):
+        if not search:
             return Verdict(live, similarity)
+        candidates = self._candidates(frame, live.center)
+        best = max(candidates, key=lambda one: one.similarity, default=None)
+        least = max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
+        if best is None or best.similarity < least:
+            return self._preferred(candidates, live, similarity, peak)
         self._jump_frames += 1
         plausible = similarity >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
         if plausible and self._jump_frames < _JUMP_FRAMES:
             return Verdict(live, similarity)
-        return Verdict(replace(self._snapshot, center=place), found, over=True,
-                       elsewhere=True, sharpness=sharpness)
+        return Verdict(replace(self._snapshot, center=best.center), best.similarity, over=True,
+                       elsewhere=True, sharpness=best.sharpness)
 
-    def _best_place(self, frame: Frame, live: Point) -> tuple[Point, float, float]:
-        """Return the best verified place, its similarity and sharpness; -inf where none is."""
-        snapshot, best = self._snapshot, _NOTHING
+    def _preferred(self, candidates: list[Candidate], live: TargetSnapshot, similarity: float,
+                   peak: float) -> Verdict:
+        """Return where a model that doesn't learn goes on, none of the places being verified."""
+        best = max(candidates, key=lambda one: one.peak, default=None)
+        least = max(_PREFERRED * self._snapshot.usual_response, peak + _PREFERENCE)
+        if best is None or not self._fixed or best.peak <= least:
+            return Verdict(live, similarity)
+        return Verdict(replace(live, center=best.center), best.similarity, elsewhere=True,
+                       sharpness=best.sharpness)
+
+    def _candidates(self, frame: Frame, live: Point) -> list[Candidate]:
+        """Return what is worth a jump, of the places to search in this frame."""
+        snapshot, candidates = self._snapshot, []
         for place in self._places(frame):
             response = snapshot.localise(frame, place)
             if response.peak < _WORTH_VERIFYING * snapshot.usual_response:
@@ -117,9 +145,8 @@ class Redetection:
             window = snapshot.model.layout.window(frame, center, snapshot.size)
             similarity = snapshot.model.credibility(
                 self._template.similarity(window), response, center)
-            if similarity > best[1]:
-                best = center, similarity, response.sharpness
-        return best
+            candidates.append(Candidate(center, similarity, response.peak, response.sharpness))
+        return candidates
 
     def _places(self, frame: Frame) -> list[Point]:
         """Return the places to search in this frame."""

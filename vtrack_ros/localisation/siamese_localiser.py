@@ -27,6 +27,9 @@ _CREDIBLE = 1.75
 _SIZE_RATE = 0.35
 #: The network's box in the first frame is corrected by at most that share of its size.
 _CORRECTED = 0.15
+#: The correction holds for what looks as in the first frame: in full from this similarity on, of
+#: whose running mean the latest frame has that weight.
+_ALIKE, _ALIKE_RATE = 0.2, 0.1
 
 
 @dataclass(frozen=True)
@@ -66,12 +69,14 @@ class SiameseModel(TargetModel):
     The models that a target is searched and verified with, and a network that localises it.
 
     The network's box of the target in the first frame isn't the one that was given: `correction`
-    is what it has to be moved by, in units of its size, and resized by.
+    is what it has to be moved by, in units of its size, and resized by; `alike`, from 0 to 1, how
+    far that still holds.
     """
 
     network: SiameseNetwork
     target: Blob
     correction: Array
+    alike: float = 1.0
 
     @classmethod
     def beside(cls, model: TargetModel, network: SiameseNetwork, frame: Frame, center: Point,
@@ -98,10 +103,15 @@ class SiameseModel(TargetModel):
         levels = ((odds - _ELSEWHERE) / _RANGE).clip(0.0).ravel()
         strong = levels >= _SHARE * levels.max()
         boxes = found.reshape(4, -1).T[strong]
-        boxes[:, :2] += self.correction[:2] * boxes[:, 2:]
-        boxes[:, 2:] *= self.correction[2:]
+        boxes[:, :2] += self.alike * self.correction[:2] * boxes[:, 2:]
+        boxes[:, 2:] *= self.correction[2:]**self.alike
         return SiameseResponse.of(
             center, side, boxes, levels[strong] * _steadiness(boxes[:, 2:], size))
+
+    def seen(self, similarity: float) -> SiameseModel:
+        """Return the model after a frame of that similarity to the first one."""
+        alike = self.alike + _ALIKE_RATE * (min(similarity / _ALIKE, 1.0) - self.alike)
+        return replace(self, alike=max(alike, 0.0))
 
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
         """Return the similarity of a place, in pixels, as far as the network agrees."""
@@ -134,9 +144,10 @@ class SiameseLocaliser(Localiser):
 
     #: The network sees further than filters do, and takes ten times as long.
     MORE_WINDOWS = 2
+    FIXED = True
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
-                 network: SiameseNetwork, searches: int = 1) -> None:
+                 network: SiameseNetwork, searches: int = 2) -> None:
         super().__init__(frame, center, size, rng, searches)
         self._first_model = SiameseModel.beside(self._live.model, network, frame, center, size)
         self._live = replace(self._live, model=self._first_model)
@@ -154,7 +165,8 @@ class SiameseLocaliser(Localiser):
             size = self._bounded((width, height))
         window = live.model.layout.window(frame, center, size)
         self._verify(window, center, response)
-        return replace(live, center=center, size=size)
+        assert isinstance(live.model, SiameseModel)
+        return replace(live, model=live.model.seen(self._similarity), center=center, size=size)
 
     def _bounded(self, size: Point) -> Point:
         """Bound a size: who is out of sight may not drift far."""
