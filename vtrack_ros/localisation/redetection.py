@@ -48,8 +48,8 @@ class Verdict:
     """
     What one more frame of a search says: what to go on with, and how similar its place is.
 
-    `over` tells whether the failure is over, `elsewhere` whether it goes on at another place, where
-    the response has that sharpness.
+    `over` tells whether the failure is over, `elsewhere` whether it goes on at another place: that
+    where the response has that sharpness.
     """
 
     live: TargetSnapshot
