@@ -12,6 +12,9 @@ from vtrack_ros.geometry import affine
 #: Bounds of scale (relative to the first) and of the ratio of the stretches along two axes.
 _SMALLEST, _LARGEST = 0.2, 5.0
 _SLIMMEST = 2.5
+#: No step is longer, in the logarithm of size and shape and in sides: far shorter ones are refused,
+#: and the exponential of what a pause of years makes would be infinite.
+_LONGEST_STEP = np.array([[10.0, 10.0, 1e6], [10.0, 10.0, 1e6], [0.0, 0.0, 0.0]])
 
 
 class AffineParticles(ABC):
@@ -100,7 +103,7 @@ class GroupParticles(AffineParticles):
             base = before.copy()
             base[followers] = move @ before[followers]
             drift[followers] = 0
-        steps = drift + affine.from_coordinates(noise)
+        steps = (drift + affine.from_coordinates(noise)).clip(-_LONGEST_STEP, _LONGEST_STEP)
         states = base @ affine.exponential(steps)
         # the others' logarithm is the step that they have just made
         steps[followers] = affine.logarithm(
@@ -148,6 +151,7 @@ class VectorParticles(AffineParticles):
         """Move every particle by noise alone: `autoregression` and `move` aren't for it."""
         noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(self.vectors), 6))
         noise[:, 4:] *= np.exp(self.vectors[:, :1])
+        noise[:, :2] = noise[:, :2].clip(-_LONGEST_STEP[0, 0], _LONGEST_STEP[0, 0])
         vectors = self.vectors + noise
         states = affine.from_vector(vectors)
         refused = ~self._allowed(states)
