@@ -277,6 +277,23 @@ def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
             assert np.sqrt(covariance.diagonal()[:2]).max() < 3 * max(SIZE)
 
 
+@pytest.mark.parametrize('pause', [5, 10, 20])
+@pytest.mark.parametrize('name', [
+    name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])
+def test_a_target_found_after_a_pause_is_as_certain_as_before(name, pause):
+    """What is forecast over it is wide; but the target has been seen since."""
+    path = straight(9 + pause, (2.0, 0.0))
+    video = DrawnVideo()
+    tracker = create_tracker(name, seed=1)
+    tracker.start(video.frame(path[0]), box_at(path[0]))
+    for center in path[1:9]:
+        before = tracker.update(video.frame(center))
+    after = tracker.update(video.frame(path[-1]), float(pause))
+    assert after.measured and after.box.iou(box_at(path[-1])) > 0.8
+    ratio = after.covariance.diagonal()[:2] / before.covariance.diagonal()[:2]
+    assert np.sqrt(ratio).max() < 3
+
+
 @pytest.mark.parametrize('seed', [18, 44, 47])
 @pytest.mark.parametrize('name', [
     name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])

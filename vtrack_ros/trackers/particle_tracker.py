@@ -24,6 +24,8 @@ _MEASURED_ERROR = 0.05
 _OTHER_SIZE = 0.1
 #: Particles whose mean is further than that from the target, in sides, are carried to it.
 _CARRIED = 0.25
+#: Particles whose mean response is below this share of the target's have missed it.
+_MISSED = 0.5
 #: Standard deviations of place and velocity at the start, as shares of the mean side.
 _START = np.array([0.03, 0.03, 0.05, 0.05])
 
@@ -42,7 +44,8 @@ class ParticleTracker(LocalisedTracker):
     the search weighs against the response, the more the better it foretold lately; the maximum
     that is found so is the estimate, since a weighted mean is no more exact than the particles are
     dense. The response is the particles' likelihood, and they are the covariance; far from the
-    estimate they are carried to it. A subclass gives the proposal.
+    estimate they are carried to it. Where they have missed it, as after a pause, and it's seen all
+    the same, they say nothing about it. A subclass gives the proposal.
     """
 
     PARAMETERS = _SHARED
@@ -86,6 +89,7 @@ class ParticleTracker(LocalisedTracker):
         _bound(proposed.states, frame, dt)
         boxes = self._boxes(proposed.states)
         likelihood = response.sample(proposed.states[:, :2])
+        share = likelihood / max(response.sample_one(found.place), 1e-6)
         likelihood *= 1 / (float(self._parameters['temperature']) * localiser.usual_response)
         weights = self._filter.weight(proposed, likelihood, dt).weights.values
         mean = weights @ boxes
@@ -95,7 +99,11 @@ class ParticleTracker(LocalisedTracker):
             self._restart()
         else:
             self._correct(mean[:2])
-        return localiser.estimate(spread_about(mean, boxes, weights), particles=boxes)
+        seen = not localiser.uncertain and not localiser.unseen_frames
+        covariance = spread_about(mean, boxes, weights)
+        if seen and weights @ share < _MISSED:
+            covariance = np.zeros_like(covariance)
+        return localiser.estimate(covariance, particles=boxes)
 
     def _adapt(self) -> None:
         """Make the filter anew when the target's size, or a parameter, has changed."""
