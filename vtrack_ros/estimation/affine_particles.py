@@ -12,8 +12,8 @@ from vtrack_ros.geometry import affine
 #: Bounds of scale (relative to the first) and of the ratio of the stretches along two axes.
 _SMALLEST, _LARGEST = 0.2, 5.0
 _SLIMMEST = 2.5
-#: No step is longer, in the logarithm of size and shape and in sides: far shorter ones are refused,
-#: and the exponential of what a pause of years makes would be infinite.
+#: No step is longer, in the logarithm of size and shape and in sides: far shorter ones are
+#: refused, and the exponential of what a pause of years makes would be infinite.
 _LONGEST_STEP = np.array([[10.0, 10.0, 1e6], [10.0, 10.0, 1e6], [0.0, 0.0, 0.0]])
 
 
