@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import json
 import os
 from pathlib import Path
+import shutil
 import subprocess
 import sys
 import time
@@ -168,6 +169,11 @@ def main() -> int:
     if arguments.camera:
         send(*arguments.camera, arguments.seconds)
         return 0
+    missing = [tool for tool in ('ip', 'tc', 'nft') if shutil.which(tool) is None]
+    if missing or os.geteuid():
+        print(f'two machines need root, and ip, tc and nft of iproute2 and nftables; missing: '
+              f'{", ".join(missing) or "root"}', file=sys.stderr)
+        return 2
     results: dict[str, Any] = {'seconds': arguments.seconds, 'cables': {}}
     for name, cable in CABLES.items():
         results['cables'][name] = {}
