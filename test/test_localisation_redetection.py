@@ -30,6 +30,12 @@ class Verifier:
         return self._similarity
 
 
+class FixedModel(TargetModel):
+    """A model that says of itself that it doesn't learn."""
+
+    LEARNS = False
+
+
 @pytest.fixture(scope='module')
 def known():
     """Return the target as it's known where it was, and its template."""
@@ -40,9 +46,9 @@ def known():
     return snapshot, InitialTemplate.of(model, window)
 
 
-def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0, fixed=False):
+def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0):
     """Return a search with a snapshot, two windows a frame."""
-    return Redetection(snapshot, verifier, velocity, age, 2, np.random.default_rng(seed), fixed)
+    return Redetection(snapshot, verifier, velocity, age, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize('similarity, peak, failed', [
@@ -167,13 +173,14 @@ def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
     assert over is jumps
 
 
-@pytest.mark.parametrize('fixed, usual, here, follows', [
-    (True, 0.7, 0.1, True), (False, 0.7, 0.1, False),
-    (True, 2.0, 0.1, False), (True, 0.7, 0.9, False)])  # too low for it, or no higher than here
-def test_a_model_that_never_learns_is_followed_unverified(known, fixed, usual, here, follows):
+@pytest.mark.parametrize('learns, usual, here, follows', [
+    (False, 0.7, 0.1, True), (True, 0.7, 0.1, False),
+    (False, 2.0, 0.1, False), (False, 0.7, 0.9, False)])  # too low for it, or no higher than here
+def test_a_model_that_never_learns_is_followed_unverified(known, learns, usual, here, follows):
     """To a far higher response, usual for the target; but it isn't found until it's verified."""
-    snapshot = replace(known[0], usual_response=usual)
-    redetection = search(snapshot, Verifier(0.0), (5.0, 3.0), 36.0, fixed=fixed)
+    model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
+    snapshot = replace(known[0], model=model, usual_response=usual)
+    redetection = search(snapshot, Verifier(0.0), (5.0, 3.0), 36.0)
     place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
     verdict = redetection.update(VIDEO.frame(place), snapshot, 0.0, here, 1.0)
     assert verdict.elsewhere is follows and not verdict.over

@@ -37,19 +37,17 @@ class Localiser:
     Localises a target in each frame, updates its model, and notices when tracking has failed.
 
     It's made on the first frame, with the target's centre and size in pixels. The generator draws
-    the places that re-detection searches, `searches` in each frame after a failure. A `confined`
-    one's filter sees the target alone, in a finer window.
+    the places that re-detection searches. A `confined` one's filter sees the target alone, in a
+    finer window.
     """
 
     #: So many windows, beside the first one, may be searched in a frame.
     MORE_WINDOWS: ClassVar[int] = 12
-    #: Whether the model stays as it was in the first frame.
-    FIXED: ClassVar[bool] = False
     #: What learns the target; one with cues of its own is named by a subclass.
     MODEL: ClassVar[type[TargetModel]] = TargetModel
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
-                 searches: int = 2, confined: bool = False) -> None:
+                 confined: bool = False) -> None:
         layout = WindowLayout.around(*size, FINE if confined else COARSE)
         window = layout.window(frame, center, size)
         model = self.MODEL.create(window, confined)
@@ -57,7 +55,7 @@ class Localiser:
         self._first_model = model
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
         self._first_size = size
-        self._rng, self._searches = rng, searches
+        self._rng = rng
         self._frames, self._growing = 0, False
         self.resized = False
         """Whether the size was measured in the last update."""
@@ -246,8 +244,8 @@ class Localiser:
         self._velocity.begin(before.center, dt)
         if has_failed(before, self._similarity, peak):
             self._velocity.interrupt()
-            self._failure = Redetection(before, self._template, self._velocity.velocity, dt,
-                                        self._searches, self._rng, self.FIXED)
+            self._failure = Redetection(
+                before, self._template, self._velocity.velocity, dt, self._rng)
         else:
             self._live = self._live.followed(peak, self._similarity)
 

@@ -22,6 +22,8 @@ _ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
 #: A jump needs this much more similarity, and that often while the present place is plausible.
 _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
+#: Windows searched in a frame.
+_SEARCHES = 2
 #: A place is worth verifying where the response has this share of the usual one.
 _WORTH_VERIFYING = 0.5
 #: The target is searched on its straight way on for that long.
@@ -64,22 +66,21 @@ class Redetection:
     Searches, after a tracking failure, with the target as it was known before.
 
     Updates of the live model never stop, since a change of appearance looks like an occlusion.
-    The snapshot, of `age` frames before, searches `searches` windows in each frame beside the live
-    one, which it replaces once it has found a place that is verifiably more similar to the target.
-    The failure is over, too, when the live place has been similar enough for a while. The velocity
+    The snapshot, of `age` frames before, searches two windows in each frame beside the live one,
+    which it replaces once it has found a place that is verifiably more similar to the target. The
+    failure is over, too, when the live place has been similar enough for a while. The velocity
     before the failure, [px/frame], says where the target may have gone since.
 
-    Where the model doesn't learn (`fixed`), a far higher response elsewhere is followed too: it's
-    the same model's, so it can be compared, but the failure is over only once that is verified.
+    Where the model doesn't learn, a far higher response elsewhere is followed too: it's the same
+    model's, so it can be compared, but the failure is over only once that is verified.
     """
 
     def __init__(self, snapshot: TargetSnapshot, template: InitialTemplate, velocity: Point,
-                 age: float, searches: int, rng: np.random.Generator, fixed: bool = False) -> None:
+                 age: float, rng: np.random.Generator) -> None:
         self._snapshot, self._template = snapshot, template
         self._velocity = velocity
         self._age = age
-        self._searches = searches
-        self._rng, self._fixed = rng, fixed
+        self._rng = rng
         self._updates = self._trusted_frames = self._jump_frames = 0
 
     def bounds(self, width: float) -> tuple[float, float]:
@@ -126,7 +127,7 @@ class Redetection:
         """Return where a model that doesn't learn goes on, none of the places being verified."""
         best = max(candidates, key=lambda one: one.peak, default=None)
         least = max(_PREFERRED * self._snapshot.usual_response, peak + _PREFERENCE)
-        if best is None or not self._fixed or best.peak <= least:
+        if best is None or self._snapshot.model.LEARNS or best.peak <= least:
             return Verdict(live, similarity)
         return Verdict(replace(live, center=best.center), best.similarity, elsewhere=True,
                        sharpness=best.sharpness)
@@ -152,7 +153,7 @@ class Redetection:
         """Return the places to search in this frame."""
         center, size = self._snapshot.center, self._snapshot.size
         places = []
-        for turn in range(self._updates * self._searches, (self._updates + 1) * self._searches):
+        for turn in range(self._updates * _SEARCHES, (self._updates + 1) * _SEARCHES):
             if turn % 4 == 0:
                 place = center
             elif turn % 2 == 0:

@@ -73,6 +73,8 @@ class SiameseModel(TargetModel):
     far that still holds.
     """
 
+    LEARNS = False
+
     network: SiameseNetwork
     target: Blob
     correction: Array
@@ -144,11 +146,10 @@ class SiameseLocaliser(Localiser):
 
     #: The network sees further than filters do, and takes ten times as long.
     MORE_WINDOWS = 2
-    FIXED = True
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
-                 network: SiameseNetwork, searches: int = 2) -> None:
-        super().__init__(frame, center, size, rng, searches)
+                 network: SiameseNetwork) -> None:
+        super().__init__(frame, center, size, rng)
         self._first_model = SiameseModel.beside(self._live.model, network, frame, center, size)
         self._live = replace(self._live, model=self._first_model)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,9 @@ class TargetModel:
 
     It's never changed in place: a snapshot of it is the object itself.
     """
+
+    #: Whether what it responds to changes, so that its responses now and then don't compare.
+    LEARNS: ClassVar[bool] = True
 
     layout: WindowLayout
     correlation: CorrelationFilter

@@ -88,9 +88,9 @@ class ParticleTracker(LocalisedTracker):
         proposed = self._filter.propose(center, dt, error)
         _bound(proposed.states, frame, dt)
         boxes = self._boxes(proposed.states)
-        likelihood = response.sample(proposed.states[:, :2])
-        share = likelihood / max(response.sample_one(found.place), 1e-6)
-        likelihood *= 1 / (float(self._parameters['temperature']) * localiser.usual_response)
+        responses = response.sample(proposed.states[:, :2])
+        likelihood = responses * (
+            1 / (float(self._parameters['temperature']) * localiser.usual_response))
         weights = self._filter.weight(proposed, likelihood, dt).weights.values
         mean = weights @ boxes
         elsewhere = localiser.update(frame, response, found.place, dt)
@@ -100,9 +100,8 @@ class ParticleTracker(LocalisedTracker):
         else:
             self._correct(mean[:2])
         seen = not localiser.uncertain and not localiser.unseen_frames
-        covariance = spread_about(mean, boxes, weights)
-        if seen and weights @ share < _MISSED:
-            covariance = np.zeros_like(covariance)
+        missed = seen and weights @ responses < _MISSED * response.sample_one(found.place)
+        covariance = np.zeros((4, 4)) if missed else spread_about(mean, boxes, weights)
         return localiser.estimate(covariance, particles=boxes)
 
     def _adapt(self) -> None:
