@@ -19,6 +19,8 @@ _ELSEWHERE, _RANGE = -6.0, 16.0
 _CELLS, _SPREAD = 32, 1.0
 #: A box with less than this share of the highest response says nothing about the target's place.
 _SHARE = 0.3
+#: Boxes about a place count with that power of their responses there, which are no less than that.
+_LIKELIEST, _LEAST = 16, 1e-6
 #: How much less a box counts that is of another size or shape than the target was.
 _CHANGE = 0.148
 #: Puts the product of similarity and response on the scale of a similarity.
@@ -56,10 +58,16 @@ class SiameseResponse(ResponseMap):
         return cls(Grid(center, (cell, cell)), values.astype(np.float32), boxes, levels)
 
     def box_at(self, place: Point) -> Array:
-        """Return the box that the network has found about a place, shape (4,), in pixels."""
+        """
+        Return the box that the network has found about a place, shape (4,), in pixels.
+
+        The mean of those there, the likeliest far before the others: of two that are as likely,
+        the least difference would decide which one it is.
+        """
         away = ((self.boxes[:, :2] - place) / self.window.cell)**2
-        best = (self.levels * np.exp(-away.sum(axis=1) / (2 * _SPREAD**2))).argmax()
-        box: Array = self.boxes[best]
+        logs = np.log(np.maximum(self.levels, _LEAST)) - away.sum(axis=1) / (2 * _SPREAD**2)
+        weights = np.exp(_LIKELIEST * (logs - logs.max()))
+        box: Array = weights @ self.boxes / weights.sum()
         return box
 
 
