@@ -95,7 +95,7 @@ def test_lost_is_a_matter_of_time_not_of_images(name):
     assert states[-1] is TrackState.LOST
 
 
-@pytest.mark.parametrize('name', ('gmpf', 'abmspf', *FEW))
+@pytest.mark.parametrize('name', ('gmpf', 'pf', 'abmspf', *FEW))
 def test_a_target_that_comes_back_elsewhere_is_found(name):
     """Away for thirty frames, back two hundred pixels from where it was."""
     video = DrawnVideo(seed=4, blob=60)
@@ -111,6 +111,9 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
     assert estimate.box.iou(box_at(there)) > 0.5
     if estimate.measured:  # the way to it is no uncertainty of the place
         assert np.sqrt(estimate.covariance[0, 0]) < 0.5 * TARGET[0]
+    if estimate.particles is not None:  # nor are they left behind
+        away = estimate.particles[:, :2].mean(axis=0) - estimate.box.center
+        assert np.abs(away).max() < 0.5 * min(TARGET)
     for _ in range(5):
         estimate = tracker.update(video.frame(there))
     assert estimate.state is TrackState.TRACKING

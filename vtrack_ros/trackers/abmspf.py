@@ -50,9 +50,13 @@ class MeanShiftParticleFilter(LocalisedTracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._begin(frame, box)
         self._search = GuidedSearch(frame, self._localiser)
+        return self._restart()
+
+    def _restart(self) -> Estimate:
+        """Return the estimate at the target's place, at rest, as in the first frame."""
         self._velocity = np.zeros(2)
         return self._localiser.estimate(
-            np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
+            np.zeros((4, 4)), particles=self._boxes(self._drawn(self._localiser.center)))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adjust()
@@ -75,8 +79,9 @@ class MeanShiftParticleFilter(LocalisedTracker):
         covariance[:2, :2] = _spread(response, center)
         elsewhere = localiser.update(frame, response, center, dt)
         self._search.follow(dt, elsewhere)
-        step = np.subtract(localiser.center, before) / dt
-        self._velocity = np.zeros(2) if elsewhere else (self._velocity + step) / 2
+        if elsewhere:
+            return self._restart()
+        self._velocity = (self._velocity + np.subtract(localiser.center, before) / dt) / 2
         return localiser.estimate(covariance, particles=self._boxes(points))
 
     def _climbed(self, response: ResponseMap, weights: Array, start: Point) -> Point:

@@ -74,9 +74,7 @@ class ParticleTracker(LocalisedTracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._begin(frame, box)
         self._search = GuidedSearch(frame, self._localiser)
-        self._restart()
-        return self._localiser.estimate(
-            np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
+        return self._restart()
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adjust()
@@ -96,9 +94,8 @@ class ParticleTracker(LocalisedTracker):
         elsewhere = localiser.update(frame, response, found.place, dt)
         self._search.follow(dt, elsewhere)
         if elsewhere:
-            self._restart()
-        else:
-            self._correct(mean[:2])
+            return self._restart()
+        self._correct(mean[:2])
         seen = not localiser.uncertain and not localiser.unseen_frames
         missed = seen and weights @ responses < _MISSED * response.sample_one(found.place)
         covariance = np.zeros((4, 4)) if missed else spread_about(mean, boxes, weights)
@@ -123,12 +120,14 @@ class ParticleTracker(LocalisedTracker):
             threshold=float(parameters['threshold']),
             weighting=str(parameters.get('weighting', 'simplified')), rng=self._rng)
 
-    def _restart(self) -> None:
-        """Put the particles about the target's place, at rest."""
+    def _restart(self) -> Estimate:
+        """Put the particles about the target's place, at rest, and return the estimate."""
         side = math.sqrt(math.prod(self._localiser.size))
         self._filter = self._create_filter(side)
         self._filter.start(
             np.array([*self._localiser.center, 0.0, 0.0]), np.diag((_START * side)**2))
+        return self._localiser.estimate(
+            np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
 
     def _correct(self, mean: Array) -> None:
         """Let the forecast build on the target's place; far from it, carry the particles there."""
