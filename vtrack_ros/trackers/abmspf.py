@@ -50,13 +50,9 @@ class MeanShiftParticleFilter(LocalisedTracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._begin(frame, box)
         self._search = GuidedSearch(frame, self._localiser)
-        return self._restart()
-
-    def _restart(self) -> Estimate:
-        """Return the estimate at the target's place, at rest, as in the first frame."""
         self._velocity = np.zeros(2)
         return self._localiser.estimate(
-            np.zeros((4, 4)), particles=self._boxes(self._drawn(self._localiser.center)))
+            np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adjust()
@@ -80,8 +76,12 @@ class MeanShiftParticleFilter(LocalisedTracker):
         elsewhere = localiser.update(frame, response, center, dt)
         self._search.follow(dt, elsewhere)
         if elsewhere:
-            return self._restart()
-        self._velocity = (self._velocity + np.subtract(localiser.center, before) / dt) / 2
+            # what was drawn and found about the old place says nothing of the new one
+            self._velocity, covariance = np.zeros(2), np.zeros((4, 4))
+            points += np.subtract(localiser.center, forecast)
+        else:
+            step = np.subtract(localiser.center, before) / dt
+            self._velocity = (self._velocity + step) / 2
         return localiser.estimate(covariance, particles=self._boxes(points))
 
     def _climbed(self, response: ResponseMap, weights: Array, start: Point) -> Point:
