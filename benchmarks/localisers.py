@@ -49,10 +49,12 @@ def main(argv: list[str] | None = None) -> int:
     plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'), cache)
     kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
     networks = [one for one in trackers if one.label != DCF]
-    stressed = {kind: [evaluate(networks, [
-        stressed_sequence(one, kind, severity, seed, frame_size(one), one.fingerprint())
-        for one in short], [seed], arguments.jobs, ProgressBar(f'{kind} {severity:g} {seed}'),
-        cache) for severity in STRESS_KINDS[kind].severities
+    known = [(one, frame_size(one), one.fingerprint()) for one in short]
+    stressed = {kind: [evaluate(
+        networks, [stressed_sequence(one, kind, severity, seed, size, content)
+                   for one, size, content in known],
+        [seed], arguments.jobs, ProgressBar(f'{kind} {severity:g} {seed}'), cache)
+        for severity in STRESS_KINDS[kind].severities
         for seed in range(arguments.stress_seeds)] for kind in kinds}
     problems = [str(one) for results in (plain, *chain(*stressed.values()))
                 for one in results.problems]
