@@ -10,7 +10,7 @@ trackers'. Runs are kept, as those of `vtrack evaluate`: what was interrupted go
 from __future__ import annotations
 
 import argparse
-from itertools import chain
+from collections import defaultdict
 import os
 from pathlib import Path
 import sys
@@ -24,7 +24,7 @@ from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, Results, TrackerSpecification
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.results_json import environment
-from vtrack_ros.evaluation.stress import frame_size, stressed_sequence
+from vtrack_ros.evaluation.stress import stressed_sequences
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.table import markdown, number_text, TITLES
 from vtrack_ros.frame import Array
@@ -49,24 +49,20 @@ def main(argv: list[str] | None = None) -> int:
     plain = evaluate(trackers, whole, arguments.seeds, arguments.jobs, ProgressBar('runs'), cache)
     kinds = [kind for kind in stress_kinds(arguments.kinds) if STRESS_KINDS[kind].plan is not None]
     networks = [one for one in trackers if one.label != DCF]
-    known = [(one, frame_size(one), one.fingerprint()) for one in short]
-    stressed = {kind: [evaluate(
-        networks, [stressed_sequence(one, kind, severity, seed, size, content)
-                   for one, size, content in known],
-        [seed], arguments.jobs, ProgressBar(f'{kind} {severity:g} {seed}'), cache)
-        for severity in STRESS_KINDS[kind].severities
-        for seed in range(arguments.stress_seeds)] for kind in kinds}
-    problems = [str(one) for results in (plain, *chain(*stressed.values()))
-                for one in results.problems]
+    under = [evaluate(networks, stressed_sequences(short, kinds, seed, with_content=True), [seed],
+                      arguments.jobs, ProgressBar(f'stress {seed}'), cache)
+             for seed in range(arguments.stress_seeds)]
+    stressed = {kind: {one.label: _by_target(under, kind, one.label) for one in networks}
+                for kind in kinds}
+    problems = [str(one) for results in (plain, *under) for one in results.problems]
     for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)
     write_json(arguments.out / 'localisers.json', {
         'environment': environment(), 'seeds': arguments.seeds, 'problems': problems,
         'plain': {name: {tracker: row['auc'] for tracker, row in rows.items()}
                   for name, rows in plain.by_sequence.items()},
-        'stressed': {kind: {tracker: np.round(_by_target(results, tracker), 4).tolist()
-                            for tracker in (SIAMESE, ALONE)}
-                     for kind, results in stressed.items()}})
+        'stressed': {kind: {tracker: np.round(auc, 4).tolist() for tracker, auc in of_kind.items()}
+                     for kind, of_kind in stressed.items()}})
     page = _page(plain, stressed, arguments)
     (arguments.out / 'localisers.md').write_text(page, encoding='utf-8')
     print(page)
@@ -82,17 +78,21 @@ def _trackers(folder: Path) -> list[TrackerSpecification]:
         TrackerSpecification(ALONE, 'opencv_nano', (('backbone', backbone), ('head', head)))]
 
 
-def _by_target(results: list[Results], tracker: str) -> Array:
-    """Return a tracker's AUC under a kind of stress, shape (targets,), the mean of all results."""
-    return np.mean([[row[tracker]['auc'] for row in one.by_sequence.values()]
-                    for one in results], axis=0)
+def _by_target(results: list[Results], kind: str, tracker: str) -> Array:
+    """Return a tracker's AUC under a kind of stress, shape (targets,), the mean of its runs."""
+    found = defaultdict(list)
+    for one in results:
+        for name, sequence in one.sequences.items():
+            if sequence.kind == kind:
+                found[sequence.original.name].append(one.by_sequence[name][tracker]['auc'])
+    return np.array([np.mean(each) for each in found.values()])
 
 
 def _severities(kind: str) -> str:
     return ', '.join(f'{severity:g}' for severity in STRESS_KINDS[kind].severities)
 
 
-def _page(plain: Results, stressed: dict[str, list[Results]],
+def _page(plain: Results, stressed: dict[str, dict[str, Array]],
           arguments: argparse.Namespace) -> str:
     rows = [['', *(TITLES[key] for key in COLUMNS), 'AUC, tuned targets', 'others',
              f'AUC minus {ALONE} [95 %]']]
@@ -103,9 +103,8 @@ def _page(plain: Results, stressed: dict[str, list[Results]],
                      *(f'{np.mean(half):.3f}' for half in halves),
                      '-' if label == ALONE else interval_text(difference(plain, label, ALONE))])
     under = [['', SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
-    rates = {f'{kind} {_severities(kind)} ({STRESS_KINDS[kind].unit})': [
-        _by_target(results, label) for label in (SIAMESE, ALONE)]
-        for kind, results in stressed.items()}
+    rates = {f'{kind} {_severities(kind)} ({STRESS_KINDS[kind].unit})': list(of_kind.values())
+             for kind, of_kind in stressed.items()}
     rates['**mean**'] = np.mean(list(rates.values()), axis=0)
     for kind, (ours, alone) in rates.items():
         under.append([kind, f'{ours.mean():.3f}', f'{alone.mean():.3f}',

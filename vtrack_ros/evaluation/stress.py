@@ -1,6 +1,6 @@
 """Sequences made harder by a kind of stress, a severity and a seed, the truth moved along."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence as Ordered
 from dataclasses import dataclass, field
 import hashlib
 from typing import NamedTuple
@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.bags.errors import SequenceError
 from vtrack_ros.evaluation.cache import source_hash
 from vtrack_ros.evaluation.sequences import Sequence
-from vtrack_ros.evaluation.stress_kinds import planned
+from vtrack_ros.evaluation.stress_kinds import planned, STRESS_KINDS
 from vtrack_ros.evaluation.stress_plan import Footage, StressPlan
 from vtrack_ros.frame import Array, Frame
 
@@ -125,6 +126,22 @@ def stressed_sequence(
     truth = np.where(plan.visible[:, None], plan.truth, np.nan)
     return StressedSequence(f'{sequence.name} ({kind} {severity:g})', truth, sequence, kind,
                             severity, seed, size, content)
+
+
+def stressed_sequences(sequences: Ordered[Sequence], kinds: Ordered[str], seed: int,
+                       with_content: bool) -> list[StressedSequence]:
+    """Return the sequences under each kind at each severity; none of one that can't be read."""
+    made: list[StressedSequence] = []
+    for sequence in sequences:
+        try:
+            size = frame_size(sequence)
+        except SequenceError:
+            continue
+        content = sequence.fingerprint() if with_content else ''
+        made.extend(stressed_sequence(sequence, kind, severity, seed, size, content)
+                    for kind in kinds if STRESS_KINDS[kind].plan is not None
+                    for severity in STRESS_KINDS[kind].severities)
+    return made
 
 
 def stress(sequence: Sequence, kind: str, severity: float, seed: int = 0) -> StressedFrames:

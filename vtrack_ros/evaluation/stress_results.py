@@ -8,14 +8,13 @@ import math
 
 import numpy as np
 
-from vtrack_ros.bags.errors import SequenceError
 from vtrack_ros.evaluation import metrics
 from vtrack_ros.evaluation.cache import RunCache
 from vtrack_ros.evaluation.evaluator import evaluate, Progress
 from vtrack_ros.evaluation.results import Results
 from vtrack_ros.evaluation.scoring import mean
 from vtrack_ros.evaluation.sequences import Sequence, uniquely_named
-from vtrack_ros.evaluation.stress import frame_size, stressed_sequence, StressedSequence
+from vtrack_ros.evaluation.stress import stressed_sequences
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
 from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
 
@@ -114,7 +113,7 @@ def evaluate_stress(
         chosen.extend(specifications([REFERENCE]))
     found, names = uniquely_named(sequences), tuple(kinds)
     numbers = seeds if isinstance(seeds, int) else tuple(seeds)
-    made = _stressed(found, names, stress_seed, with_content=cache is not None)
+    made = stressed_sequences(found, names, stress_seed, with_content=cache is not None)
     run = evaluate(chosen, [*found, *made], numbers, jobs, progress, cache)
     sources = {tracker: (run, tracker.label) for tracker in chosen}
     plain = _of(found, sources)
@@ -143,22 +142,6 @@ def _of(sequences: Ordered[Sequence],
         for seed, run in results.runs(sequence.name, label).items():
             result.add(sequence.name, tracker.label, seed, run)
     return result
-
-
-def _stressed(sequences: Ordered[Sequence], kinds: Ordered[str], seed: int,
-              with_content: bool) -> list[StressedSequence]:
-    """Return the sequences under each kind at each severity; none of one that can't be read."""
-    made: list[StressedSequence] = []
-    for sequence in sequences:
-        try:
-            size = frame_size(sequence)
-        except SequenceError:
-            continue
-        content = sequence.fingerprint() if with_content else ''
-        made.extend(stressed_sequence(sequence, kind, severity, seed, size, content)
-                    for kind in kinds if STRESS_KINDS[kind].plan is not None
-                    for severity in STRESS_KINDS[kind].severities)
-    return made
 
 
 def _with_particles(tracker: TrackerSpecification, count: int) -> TrackerSpecification:
