@@ -71,7 +71,7 @@ def test_of_boxes_that_are_as_likely_the_usual_one_counts_most(other, files, mon
 
 
 def test_of_two_boxes_that_are_as_likely_no_rounding_error_chooses():
-    """Two versions of a library differ by less than a millionth, and the box by no more."""
+    """Libraries differ by less than a millionth, the box by less than a thousandth of a pixel."""
     boxes = np.array([[-2.0, 0.0, 40.0, 30.0], [2.0, 0.0, 60.0, 50.0]])
     one, other = (
         SiameseResponse.of((0.0, 0.0), 64.0, boxes, np.array(levels)).box_at((0.0, 0.0))

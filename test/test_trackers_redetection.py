@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 
 from drawn_video import box_at, DrawnVideo, TARGET, texture
 import numpy as np
@@ -126,7 +127,7 @@ def test_a_target_that_left_is_seldom_taken_for_another(repository):
         frames = [(image.frame, truth[image.stamp]) for image in bag.frames()]
     first, box = frames[0]
     taken = []
-    for seed, name in enumerate(('gmpf', 'abmspf', 'appf', 'dcf')):
+    for name, seed in product(('gmpf', 'abmspf', 'appf', 'dcf'), range(3)):
         tracker = create_tracker(name, seed=seed)
         tracker.start(first, box)
         estimates = [tracker.update(frame) for frame, _ in frames[1:]]
