@@ -1,9 +1,9 @@
 """
 Accuracy of every tracker under stress, beside `dcf`, on the shared sequences.
 
-`python benchmarks/stress.py [--seeds K]` writes docs/results/stress.md and .json, those targets on
-which constants were tuned apart from the others; with `--chart`, instead, the chart of a scene in
-docs/images/stress.svg.
+`python benchmarks/stress.py [--seeds K] [--frames N]` writes docs/results/stress.md and .json,
+those targets on which constants were tuned apart from the others. Each seed has a stress
+of its own. With `--chart`, instead, the chart of a scene is in docs/images/stress.svg.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ from vtrack_ros.evaluation.sequences import scene_sequence
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.stress_report import stress_chart
 from vtrack_ros.evaluation.stress_results import evaluate_stress, REFERENCE, StressResults
-from vtrack_ros.evaluation.stress_table import influence_rows, stress_json
+from vtrack_ros.evaluation.stress_table import influence_rows
 from vtrack_ros.evaluation.table import markdown, number_text
+from vtrack_ros.frame import Array
 
 ROOT = Path(__file__).resolve().parents[1]
 #: What the chart shows.
@@ -50,18 +51,19 @@ def main(argv: list[str] | None = None) -> int:
         found = [one for one in found if one.name in wanted]
     halves = {'tuned': [one for one in found if is_tuned(one.name)],
               'others': [one for one in found if not is_tuned(one.name)]}
-    results = {half: evaluate_stress(
-        parse_trackers(arguments.trackers), sequences, stress_kinds(arguments.kinds),
-        arguments.seeds, arguments.jobs, ProgressBar('runs'), RunCache(default_folder()))
-        for half, sequences in halves.items() if sequences}
+    results = {half: [evaluate_stress(
+        parse_trackers(arguments.trackers), sequences, stress_kinds(arguments.kinds), [seed],
+        arguments.jobs, ProgressBar(f'{half} {seed}'), RunCache(default_folder()), seed)
+        for seed in range(arguments.seeds)] for half, sequences in halves.items() if sequences}
     problems = [f'{name}: {text}' for name, text in broken.items()]
-    problems += [str(one) for stress in results.values() for one in stress.plain.problems]
+    problems += [str(one) for each in results.values() for stress in each
+                 for one in stress.plain.problems]
     for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)
     arguments.out.mkdir(parents=True, exist_ok=True)
     write_json(arguments.out / 'stress.json', {
         'environment': environment(), 'seeds': arguments.seeds, 'problems': problems,
-        **{half: _shown(stress) for half, stress in results.items()}})
+        **{half: _shown(each) for half, each in results.items()}})
     page = _page(results, arguments)
     (arguments.out / 'stress.md').write_text(page, encoding='utf-8')
     print(page)
@@ -77,32 +79,22 @@ def _write_chart(path: Path, arguments: argparse.Namespace) -> None:
     path.write_text(chart + '\n', encoding='utf-8')
 
 
-def gaps(stress: StressResults, tracker: str, kinds: tuple[str, ...]) -> dict[str, float]:
+def aucs(each: list[StressResults], kind: str | None, tracker: str) -> Array:
     """
-    Return the AUC under stress above that of `dcf`, of each target that both ran on everywhere.
+    Return a tracker's AUC, shape (targets, severities), the mean of the results of several seeds.
 
-    Parameters
-    ----------
-    stress : StressResults
-        Where both are in.
-    tracker : str
-        Its label.
-    kinds : tuple of str
-        The mean over these kinds, of the mean over a kind's severities; without any, no stress.
-
+    The kind None is no stress, of one severity.
     """
-    result = {}
-    for place, target in enumerate(stress.plain.sequences):
-        differences = []
-        for kind in kinds or (None,):
-            levels = [stress.plain] if kind is None else stress.of_kind(kind).values()
-            rows = [list(level.by_sequence.values())[place] for level in levels]
-            differences.append(np.mean([
-                row.get(tracker, {}).get('auc', math.nan)
-                - row.get(REFERENCE, {}).get('auc', math.nan) for row in rows]))
-        if np.isfinite(differences).all():
-            result[target] = float(np.mean(differences))
-    return result
+    levels = [[one.plain] if kind is None else list(one.of_kind(kind).values()) for one in each]
+    return np.mean([[[row.get(tracker, {}).get('auc', math.nan)
+                      for row in level.by_sequence.values()] for level in of_seed]
+                    for of_seed in levels], axis=0).T
+
+
+def gain(each: list[StressResults], tracker: str, kinds: tuple[str | None, ...]) -> Array:
+    """Return by how much a tracker's AUC is above that of `dcf`, of each target, mean of kinds."""
+    return np.mean([(aucs(each, kind, tracker) - aucs(each, kind, REFERENCE)).mean(axis=1)
+                    for kind in kinds], axis=0)
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
@@ -120,60 +112,63 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
-def _shown(stress: StressResults) -> dict[str, object]:
+def _shown(each: list[StressResults]) -> dict[str, object]:
     """Return what the page shows, and each target's stress mean above `dcf`."""
-    whole = stress_json(stress)
+    first = each[0]
+    trackers = list(first.plain.summary)
     return {
-        'plain': {tracker: row['auc'] for tracker, row in stress.plain.summary.items()},
-        'mean_auc': whole['mean_auc'],
-        'kinds': {kind: {key: row[key] for key in ('severities', 'auc', 'changed')}
-                  for kind, row in whole['kinds'].items()},
+        'kinds': {kind or 'plain': {
+            'severities': list(first.of_kind(kind)) if kind else [],
+            'auc': {tracker: np.round(aucs(each, kind, tracker).mean(axis=0), 4).tolist()
+                    for tracker in trackers}} for kind in (None, *first.kinds)},
         'stress_mean_above_dcf': {
-            tracker: gaps(stress, tracker, stress.kinds) for tracker in stress.plain.trackers
-            if tracker != REFERENCE}}
+            tracker: dict(zip(first.plain.sequences,
+                              np.round(gain(each, tracker, first.kinds), 4).tolist()))
+            for tracker in trackers if tracker != REFERENCE}}
 
 
-def _page(results: dict[str, StressResults], arguments: argparse.Namespace) -> str:
+def _page(results: dict[str, list[StressResults]], arguments: argparse.Namespace) -> str:
     parts = [
         '# Under stress: every tracker beside dcf\n\n'
-        f'Made by `python benchmarks/stress.py`, seeds: {arguments.seeds}'
-        + (f', first {arguments.frames} frames' if arguments.frames else '')
+        f'Made by `python benchmarks/stress.py`, seeds: {arguments.seeds}, each with a stress of '
+        'its own'
+        + (f', the first {arguments.frames} frames' if arguments.frames else '')
         + '. What the kinds are stands in [evaluate.md](../evaluate.md#under-stress). Each cell '
         'is the mean AUC over targets and severities, for dcf itself, and for the others how much '
         'it is above that of dcf, with the 95 % interval of a paired bootstrap over targets.\n\n'
         + facts_text(environment()) + '.\n']
     titles = {'tuned': 'The targets on which constants were tuned', 'others': 'The other targets'}
-    for half, stress in results.items():
-        parts.append(f'## {titles[half]} ({len(stress.plain.sequences)})\n\n'
-                     f'{markdown(_rows(stress))}\n\n'
+    for half, each in results.items():
+        parts.append(f'## {titles[half]} ({len(each[0].plain.sequences)})\n\n'
+                     f'{markdown(_rows(each))}\n\n'
                      f'Share of frames with the centre elsewhere than that of dcf, and the median '
-                     f'overlap gained there:\n\n{markdown(influence_rows(stress))}\n\n'
-                     f'AUC by severity:\n\n{markdown(_severities(stress))}\n')
+                     f'overlap gained there (the first seed):\n\n'
+                     f'{markdown(influence_rows(each[0]))}\n\n'
+                     f'AUC by severity:\n\n{markdown(_severities(each))}\n')
     return '\n'.join(parts)
 
 
-def _rows(stress: StressResults) -> list[list[str]]:
-    others = [tracker for tracker in stress.plain.summary if tracker != REFERENCE]
+def _rows(each: list[StressResults]) -> list[list[str]]:
+    first = each[0]
+    others = [tracker for tracker in first.plain.summary if tracker != REFERENCE]
     rows = [['', REFERENCE, *(f'{tracker} above it' for tracker in others)]]
-    every = {'plain': (), **{kind: (kind,) for kind in stress.kinds}, '**mean**': stress.kinds}
+    every = {'plain': (None,), **{kind: (kind,) for kind in first.kinds}, '**mean**': first.kinds}
     for name, kinds in every.items():
-        level = np.mean([np.mean(stress.auc(kind, REFERENCE)[1:]) for kind in kinds]
-                        or [stress.plain.summary[REFERENCE]['auc']])
-        cells = []
-        for tracker in others:
-            values = np.array(list(gaps(stress, tracker, kinds).values()))
-            cells.append(interval_text(interval(values)) if len(values) else '-')
-        rows.append([name, number_text(float(level), 'auc'), *cells])
+        level = np.mean([aucs(each, kind, REFERENCE).mean() for kind in kinds])
+        rows.append([name, number_text(float(level), 'auc'), *(
+            interval_text(interval(gain(each, tracker, kinds))) for tracker in others)])
     return rows
 
 
-def _severities(stress: StressResults) -> list[list[str]]:
-    trackers = list(stress.plain.summary)
-    rows = [['', *trackers]]
-    for kind in stress.kinds:
-        for place, severity in enumerate(stress.of_kind(kind), start=1):
-            rows.append([f'{kind} {severity:g} ({STRESS_KINDS[kind].unit})', *(
-                number_text(stress.auc(kind, tracker)[place], 'auc') for tracker in trackers)])
+def _severities(each: list[StressResults]) -> list[list[str]]:
+    first = each[0]
+    rows = [['', *first.plain.summary]]
+    for kind in first.kinds:
+        means = np.array([aucs(each, kind, tracker).mean(axis=0)
+                          for tracker in first.plain.summary]).T
+        rows += [[f'{kind} {severity:g} ({STRESS_KINDS[kind].unit})',
+                  *(number_text(float(value), 'auc') for value in row)]
+                 for severity, row in zip(first.of_kind(kind), means)]
     return rows
 
 

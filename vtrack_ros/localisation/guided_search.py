@@ -1,7 +1,8 @@
 """Where to look for the target, and which of the places found is it: by motion and by look."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from vtrack_ros.appearance.camera_motion import CameraMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 
@@ -22,12 +24,22 @@ _AROUND = 0.5
 _CANDIDATE = 0.6
 #: Maxima nearer to a higher one than that, in sides, are of the same thing.
 _DISTINCT = 0.5
-#: As many candidates are compared at most; a flat response has thousands of maxima.
-_CANDIDATES = 50
+#: As many maxima are looked at, and candidates compared, at most: a flat response has thousands.
+_MAXIMA, _CANDIDATES = 200, 50
+#: A maximum of this share of the highest one may be a distractor's; nearer to a higher one than
+#: that, in sides, it's of the same thing.
+_DISTRACTING, _APART_FROM = 0.45, 0.2
+#: Distractors as near as that to the target, in sides, may be taken for it; nearer than that one
+#: hides it if only one of them is seen, within a distance from where it's expected, for so many
+#: frames at most.
+_NEAR, _MEETING, _SEEN, _HIDDEN = 0.75, 0.35, 0.3, 8
 #: Share of the usual response that makes a factor of e in the likelihood.
 _TEMPERATURE = 0.07
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
+
+#: A maximum of a response: its place, in pixels, the response, and its value there.
+Maximum: TypeAlias = tuple[Point, ResponseMap, float]
 
 
 @dataclass(frozen=True)
@@ -35,12 +47,16 @@ class Found:
     """
     What a search brought: the response in the best window, and the target's place, in pixels.
 
-    `overruled` tells whether motion chose another place than the highest response.
+    `overruled` tells whether motion chose another place than the highest response, `contested`
+    whether a distractor is so near that only motion tells which one is the target, `hidden` that
+    the place is only where the target is expected, for the distractor is there.
     """
 
     response: ResponseMap
     place: Point
     overruled: bool
+    contested: bool = False
+    hidden: bool = False
 
 
 class GuidedSearch:
@@ -52,8 +68,12 @@ class GuidedSearch:
     the best record. Where the response is too low there, or time has passed, windows at the others
     and all around are searched too. Of the maxima that are found in all of them that one is
     believed whose response and whose place are the most probable together: the target's double
-    answers as well, but isn't where the target has to be.
+    answers as well, but isn't where the target has to be. Doubles are followed too, and maxima
+    where one of those is expected aren't the target; while one passes before it, it goes on as
+    expected.
     """
+
+    _found: Found
 
     def __init__(self, frame: Frame, target: Hypotheses) -> None:
         self._target = target
@@ -63,6 +83,9 @@ class GuidedSearch:
         self._forecasts: dict[str, Point] = {}
         self._shift: Point | None = None
         self._velocity = self._own_velocity = np.zeros(2)
+        self._distractors = Distractors()
+        #: For so many frames the target has been hidden since a distractor came near.
+        self._hidden = 0.0
 
     def search(self, frame: Frame, dt: float, own: Point | None = None) -> Found:
         """Return where the target is; `own` is the tracker's own forecast, in pixels."""
@@ -75,13 +98,21 @@ class GuidedSearch:
         if maps[0].peak < _LOW * target.usual_response or dt > _LONG:
             others = self._others(frame, expected)[:target.more_windows]
             maps += [target.localise(frame, place) for place in others]
-        return self._chosen(maps, dt)
+        every = sorted(((place, response, value) for response in maps
+                        for place, value in maxima(response, _DISTRACTING)),
+                       key=lambda each: -each[2])[:_MAXIMA]
+        self._found = self._identified(maps[0], every, expected, dt)
+        if target.network is None:
+            self._follow_distractors(frame, every, dt)
+        return self._found
 
     def follow(self, dt: float, elsewhere: bool) -> None:
         """Learn from where the target is now, unless that is `elsewhere`, or uncertain."""
         target = self._target
         if elsewhere or target.uncertain:
             self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
+            return
+        if self._found.hidden:
             return
         step = np.subtract(target.center, self._start)
         self._mixture.update(target.center, self._forecasts, self._side)
@@ -118,19 +149,37 @@ class GuidedSearch:
                 places.append(place)
         return places[1:]
 
-    def _chosen(self, maps: list[ResponseMap], dt: float) -> Found:
-        """Return the most probable of all maxima."""
-        every = [(place, response, value) for response in maps
-                 for place, value in maxima(response, _CANDIDATE)]
-        if len(every) == 1:
-            return Found(every[0][1], every[0][0], overruled=False)
-        found: list[tuple[Point, ResponseMap, float]] = []
+    def _identified(self, response: ResponseMap, every: list[Maximum], expected: Point,
+                    dt: float) -> Found:
+        """Return the target among maxima, or where it's expected while a distractor hides it."""
         side = self._side
-        for candidate in sorted(every, key=lambda each: -each[2]):
-            if all(math.dist(candidate[0], better[0]) > _DISTINCT * side for better in found):
-                found.append(candidate)
-                if len(found) == _CANDIDATES:
-                    break
+        theirs = [] if dt > _LONG else self._distractors.near(expected, _NEAR * side, dt)
+        if not theirs:
+            self._hidden = 0.0
+            return self._chosen([each for each in every if each[2] >= min(
+                _CANDIDATE * each[1].peak, each[1].peak)], dt)
+        ours: list[Maximum] = []
+        others: list[Maximum] = []
+        for each in _strong(every):
+            nearest = min(math.dist(each[0], place) for place in theirs)
+            if math.dist(each[0], expected) <= nearest:
+                ours.append(each)
+            elif nearest < _SEEN * side:
+                others.append(each)
+        meeting = min(math.dist(place, expected) for place in theirs) < _MEETING * side
+        if not ours or (meeting and not others):
+            self._hidden += dt
+            if self._hidden <= _HIDDEN:
+                return Found(response, expected, overruled=True, contested=True, hidden=True)
+            self._distractors.forget(expected, _NEAR * side, dt)
+        left = ours or every
+        found = self._chosen([each for each in left if each[2] >= _CANDIDATE * left[0][2]], dt)
+        return replace(found, overruled=found.overruled or every[0] not in ours, contested=True)
+
+    def _chosen(self, every: list[Maximum], dt: float) -> Found:
+        """Return the most probable of maxima, the highest of which is the first."""
+        side = self._side
+        found = distinct(every, _DISTINCT * side)
         values = np.array([value for _, _, value in found])
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
@@ -138,6 +187,31 @@ class GuidedSearch:
         best = int(scores.argmax())
         place, response, value = found[best]
         return Found(response, place, value < values.max())
+
+    def _follow_distractors(self, frame: Frame, every: list[Maximum], dt: float) -> None:
+        """Follow what else answers than the target."""
+        apart, target, place = _APART_FROM * self._side, self._target, self._found.place
+        others = [each[0] for each in distinct(_strong(every), apart)
+                  if self._found.hidden or math.dist(each[0], place) > apart]
+        self._distractors.update(others, place, self._side, dt)
+        self._distractors.compare(
+            place, self._side, lambda other: target.likeness(frame, other))
+
+
+def _strong(every: list[Maximum]) -> list[Maximum]:
+    """Return those maxima, the highest first, that may be somebody's."""
+    return [each for each in every if each[2] >= _DISTRACTING * every[0][2]]
+
+
+def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
+    """Return those maxima, the highest first, that are further than that from all higher ones."""
+    found: list[Maximum] = []
+    for each in every:
+        if all(math.dist(each[0], higher[0]) > apart for higher in found):
+            found.append(each)
+            if len(found) == _CANDIDATES:
+                break
+    return found
 
 
 def maxima(response: ResponseMap, share: float) -> list[tuple[Point, float]]:

@@ -28,8 +28,9 @@ _PAUSE, _FIRST = 2.5, 30
 #: Boxes that overlap less than that are of different places; the models agree about the target
 #: where they overlap by so much more: a size that drifts away isn't what to begin again with.
 _TOGETHER, _ALIKE = 0.5, 0.75
-#: The other model stays at its own maximum where that has this share of the highest response.
-_LEVEL = 0.8
+#: The other model stays at its own maximum where that has this share of the highest response: less
+#: is left of it where a double passes in front.
+_LEVEL = 0.5
 #: The least that a similarity is taken for.
 _LEAST = 0.01
 
@@ -139,9 +140,16 @@ class Hypotheses:
         """Return the response about a place, in pixels; nothing changes."""
         return self._leader.localise(frame, center)
 
-    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float) -> bool:
+    def likeness(self, frame: Frame, place: Point) -> float:
+        """Return how similar a place, in pixels, is to the target; see `Localiser.likeness`."""
+        return self._leader.likeness(frame, place)
+
+    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
+               hidden: bool = False) -> bool:
         """
         Take the place that a tracker decided for; see `Localiser.update`.
+
+        While the target is hidden by a distractor the other model isn't asked: it would follow it.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
@@ -157,7 +165,8 @@ class Hypotheses:
         self._frames += 1
         self._waiting += dt
         # no frame should take much longer than the others: the two measure sizes in turns
-        if self._waiting < _PAUSE + self._leader.resized and not self._questionable():
+        if hidden or (self._waiting < _PAUSE + self._leader.resized
+                      and not self._questionable()):
             return elsewhere
         self._update_other(frame)
         rate = max(_RATE, 1 / self._frames)

@@ -30,6 +30,8 @@ _CENTER_ERROR, _SIZE_ERROR = 0.12, 0.10
 SMALLEST, LARGEST = 0.2, 5.0
 #: Weight of the latest step in the velocity.
 _VELOCITY_RATE = 0.3
+#: The least that the usual similarity is taken for where others are compared with it.
+_LEAST_USUAL = 0.1
 
 
 class Localiser:
@@ -110,6 +112,16 @@ class Localiser:
     def localise(self, frame: Frame, center: Point) -> ResponseMap:
         """Return the response about a place, in pixels; nothing changes."""
         return self._live.localise(frame, center)
+
+    def likeness(self, frame: Frame, place: Point) -> float:
+        """
+        Return how similar what is at a place, in pixels, is to the initial template.
+
+        As a share of the target's usual similarity.
+        """
+        live = self._live
+        window = live.model.layout.window(frame, inside(place, frame), live.size)
+        return self._template.similarity(window) / max(live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
                search: bool = True) -> bool:

@@ -70,10 +70,12 @@ class MeanShiftParticleFilter(LocalisedTracker):
         place = fuse(
             zeta, climbed, self._climbed(response, weights, (best[0], best[1])), SIGMA,
             max(localiser.size) / 2, float(values['accepted']), float(values['rejected']))
-        center = start if place is None else response.unless_dominated(place, start)
+        # what climbs the response would leave the target for its double
+        center = (start if place is None or found.contested
+                  else response.unless_dominated(place, start))
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
-        elsewhere = localiser.update(frame, response, center, dt)
+        elsewhere = localiser.update(frame, response, center, dt, found.hidden)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             # what was drawn and found about the old place says nothing of the new one

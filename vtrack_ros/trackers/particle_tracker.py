@@ -89,14 +89,16 @@ class ParticleTracker(LocalisedTracker):
         responses = response.sample(proposed.states[:, :2])
         likelihood = responses * (
             1 / (float(self._parameters['temperature']) * localiser.usual_response))
-        weights = self._filter.weight(proposed, likelihood, dt).weights.values
+        # what hides the target says nothing of where it is
+        weights = self._filter.weight(
+            proposed, None if found.hidden else likelihood, dt).weights.values
         mean = weights @ boxes
-        elsewhere = localiser.update(frame, response, found.place, dt)
+        elsewhere = localiser.update(frame, response, found.place, dt, found.hidden)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             return self._restart()
         self._correct(mean[:2])
-        seen = not localiser.uncertain and not localiser.unseen_frames
+        seen = not (found.hidden or localiser.uncertain or localiser.unseen_frames)
         missed = seen and weights @ responses < _MISSED * response.sample_one(found.place)
         covariance = np.zeros((4, 4)) if missed else spread_about(mean, boxes, weights)
         return localiser.estimate(covariance, particles=boxes)
@@ -222,7 +224,7 @@ class PrunedQuadratureParticleFilter(ParticleTracker):
     def _measured(self, found: Found) -> tuple[Array, GaussianNoise] | tuple[None, None]:
         """Measure the centre where the search has found it, while the target is seen."""
         localiser = self._localiser
-        if localiser.unseen_frames:
+        if found.hidden or localiser.unseen_frames:
             return None, None
         quality = min(max(found.response.peak / localiser.usual_response, 0.2), 1.0)
         error = _MEASURED_ERROR * math.sqrt(math.prod(localiser.size)) / quality

@@ -1,0 +1,96 @@
+"""What looks like the target, and passes by: it's followed, and not taken for it."""
+
+import math
+
+from drawn_video import box_at, DrawnVideo, START, TARGET
+import numpy as np
+import pytest
+
+from vtrack_ros.localisation.distractors import Distractors
+from vtrack_ros.trackers import create_tracker, TrackState
+
+SIDE = math.sqrt(math.prod(TARGET))
+REACH = 0.75 * SIDE
+
+
+def passing(frames, step=8.0, likeness=1.0):
+    """Return distractors, and where the last one was seen, that came nearer in so many frames."""
+    distractors, place = Distractors(), (0.0, 0.0)
+    for index in range(frames):
+        place = START[0] + 80.0 - step * index, START[1]
+        distractors.update([place], START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda _: likeness)
+    return distractors, place
+
+
+def test_what_came_from_elsewhere_goes_on_when_the_two_have_met():
+    """One maximum is left of the two, the target's; the other one is where it was going."""
+    distractors, (x, y) = passing(8)
+    for index in range(1, 6):
+        expected, = distractors.near(START, REACH, 1.0)
+        assert expected == (pytest.approx(x - 8 * index), pytest.approx(y))
+        distractors.update([], START, SIDE, 1.0)
+
+
+@pytest.mark.parametrize('frames, likeness', [(8, 0.3), (2, 1.0)])
+def test_what_looks_otherwise_or_was_seen_once_is_no_distractor(frames, likeness):
+    """Most maxima of a response are of nothing that's mistaken for the target."""
+    distractors, _ = passing(frames, 20.0 if frames == 2 else 8.0, likeness)
+    assert distractors.near(START, REACH, 1.0) == []
+
+
+def test_the_target_itself_is_no_distractor():
+    """A maximum that parts from it may be the target as well as another."""
+    distractors = Distractors()
+    for index in range(8):
+        place = START[0] + 6.0 * index, START[1]
+        distractors.update([place], place, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda _: 1.0)
+    assert distractors.near((START[0] + 42.0, START[1]), REACH, 1.0) == []
+
+
+def test_who_is_out_of_sight_for_long_is_forgotten():
+    """By then nobody knows where it is."""
+    distractors, _ = passing(8, step=1.0)
+    for _ in range(20):
+        distractors.update([], START, SIDE, 1.0)
+    assert distractors.near(START, 100 * SIDE, 1.0) == []
+
+
+def meeting(seed, velocity=0.0, below=6, frames=44):
+    """Return frames, and the places, of a target whose double comes the other way, in front."""
+    video = DrawnVideo(seed=seed)
+    width, height = TARGET
+    for index in range(frames):
+        center = START[0] + velocity * (index - frames / 2), START[1]
+        frame = video.frame(center)
+        x, y = round(START[0] + (4 - velocity) * (frames / 2 - index)), round(START[1] + below)
+        double = video.frame((x, y))
+        rows = slice(y - height // 2, y + height // 2)
+        columns = slice(max(0, x - width // 2), x + width // 2)
+        frame[rows, columns] = double[rows, columns]
+        yield frame, center
+
+
+@pytest.mark.parametrize('velocity', [0.0, 2.0])
+@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf'])
+def test_a_double_that_passes_in_front_is_not_followed(name, velocity):
+    """Where each of the two was going tells which one is the target, when nothing else does."""
+    for seed in range(3):
+        frames = meeting(seed, velocity)
+        tracker = create_tracker(name, seed=seed)
+        first, center = next(frames)
+        tracker.start(first, box_at(center))
+        for frame, center in frames:
+            estimate = tracker.update(frame)
+        assert estimate.box.iou(box_at(center)) > 0.7
+        assert estimate.state is TrackState.TRACKING
+
+
+def test_while_a_double_hides_it_the_particles_spread():
+    """What is seen says nothing of where the target is, so the filter only predicts."""
+    frames = meeting(0)
+    tracker = create_tracker('pf', seed=0)
+    tracker.start(next(frames)[0], box_at(START))
+    spread = [tracker.update(frame).particles[:, :2].var(axis=0).sum() for frame, _ in frames]
+    assert max(spread[18:26]) > 2 * np.median(spread[8:14])
