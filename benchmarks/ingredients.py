@@ -32,13 +32,14 @@ from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.localisation import guided_search, hypotheses, target_model
+from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.guided_search import GuidedSearch
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0}
+KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0, 'twin': 0.2}
 ALL = 'all of them'
 
 _search, _forecast, _update = GuidedSearch.search, GuidedSearch._forecast, Redetection.update
@@ -69,6 +70,7 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
         ForecastMixture, 'log_density', lambda self, places, *_: np.zeros(len(places)))],
     'more windows': lambda: [patch.object(guided_search, '_LOW', -math.inf),
                              patch.object(guided_search, '_LONG', math.inf)],
+    'distractors': lambda: [patch.object(Distractors, 'near', lambda self, *_: [])],
     'the second model': lambda: [
         patch.object(hypotheses, '_PAUSE', math.inf),
         patch.object(hypotheses.Hypotheses, '_questionable', lambda self: False)],
