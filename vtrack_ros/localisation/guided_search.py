@@ -178,6 +178,8 @@ class GuidedSearch:
 
     def _chosen(self, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""
+        if len(every) == 1:
+            return Found(every[0][1], every[0][0], overruled=False)
         side = self._side
         found = distinct(every, _DISTINCT * side)
         values = np.array([value for _, _, value in found])
@@ -194,8 +196,9 @@ class GuidedSearch:
         others = [each[0] for each in distinct(_strong(every), apart)
                   if self._found.hidden or math.dist(each[0], place) > apart]
         self._distractors.update(others, place, self._side, dt)
-        self._distractors.compare(
-            place, self._side, lambda other: target.likeness(frame, other))
+        if not target.unseen_frames:
+            self._distractors.compare(
+                place, self._side, lambda other: target.likeness(frame, other))
 
 
 def _strong(every: list[Maximum]) -> list[Maximum]:
