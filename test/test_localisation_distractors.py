@@ -6,9 +6,12 @@ from drawn_video import box_at, DrawnVideo, START, TARGET
 import numpy as np
 import pytest
 
+from vtrack_ros.localisation import Localiser
 from vtrack_ros.localisation.distractors import Distractors
+from vtrack_ros.localisation.guided_search import strong
 from vtrack_ros.trackers import create_tracker, TrackState
 
+VIDEO = DrawnVideo(seed=1)
 SIDE = math.sqrt(math.prod(TARGET))
 REACH = 0.75 * SIDE
 
@@ -94,3 +97,12 @@ def test_while_a_double_hides_it_the_particles_spread():
     tracker.start(next(frames)[0], box_at(START))
     spread = [tracker.update(frame).particles[:, :2].var(axis=0).sum() for frame, _ in frames]
     assert max(spread[18:26]) > 2 * np.median(spread[8:14])
+
+
+@pytest.mark.parametrize('highest, left', [(1.0, 2), (-1.0, 1)])
+def test_the_highest_maximum_is_always_one(highest, left):
+    """Where nothing answers the response may be below zero, and it's no error."""
+    target = Localiser(VIDEO.frame(START), START, TARGET, np.random.default_rng(0))
+    response = target.localise(VIDEO.frame(START), START)
+    values = highest, highest - 0.5, highest - 0.9
+    assert len(strong([(START, response, value) for value in values], 0.45)) == left

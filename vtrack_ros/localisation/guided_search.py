@@ -160,7 +160,7 @@ class GuidedSearch:
                 _CANDIDATE * each[1].peak, each[1].peak)], dt)
         ours: list[Maximum] = []
         others: list[Maximum] = []
-        for each in _strong(every):
+        for each in strong(every, _DISTRACTING):
             nearest = min(math.dist(each[0], place) for place in theirs)
             if math.dist(each[0], expected) <= nearest:
                 ours.append(each)
@@ -173,7 +173,7 @@ class GuidedSearch:
                 return Found(response, expected, overruled=True, contested=True, hidden=True)
             self._distractors.forget(expected, _NEAR * side, dt)
         left = ours or every
-        found = self._chosen([each for each in left if each[2] >= _CANDIDATE * left[0][2]], dt)
+        found = self._chosen(strong(left, _CANDIDATE), dt)
         return replace(found, overruled=found.overruled or every[0] not in ours, contested=True)
 
     def _chosen(self, every: list[Maximum], dt: float) -> Found:
@@ -193,7 +193,7 @@ class GuidedSearch:
     def _follow_distractors(self, frame: Frame, every: list[Maximum], dt: float) -> None:
         """Follow what else answers than the target."""
         apart, target, place = _APART_FROM * self._side, self._target, self._found.place
-        others = [each[0] for each in distinct(_strong(every), apart)
+        others = [each[0] for each in distinct(strong(every, _DISTRACTING), apart)
                   if self._found.hidden or math.dist(each[0], place) > apart]
         self._distractors.update(others, place, self._side, dt)
         if not target.unseen_frames:
@@ -201,9 +201,11 @@ class GuidedSearch:
                 place, self._side, lambda other: target.likeness(frame, other))
 
 
-def _strong(every: list[Maximum]) -> list[Maximum]:
-    """Return those maxima, the highest first, that may be somebody's."""
-    return [each for each in every if each[2] >= _DISTRACTING * every[0][2]]
+def strong(every: list[Maximum], share: float) -> list[Maximum]:
+    """Return those maxima, the highest first, of at least that share of the highest."""
+    highest = every[0][2]
+    least = min(share * highest, highest)
+    return [each for each in every if each[2] >= least]
 
 
 def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
