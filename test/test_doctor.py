@@ -14,7 +14,8 @@ from vtrack_ros.cli import installation
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import abandoned_memory, profile_path, SHARED_MEMORY, VARIABLES, with_profile
 
-#: A camera that sends VGA images in colour, best effort, 30 a second, until it is ended.
+#: A camera that sends images in colour, best effort, 30 a second, until it is ended. They're large:
+#: of VGA ones all may arrive in a second, if they're read as fast as a socket's buffer fills.
 CAMERA = END_WITH_PARENT + """
 import time
 import rclpy
@@ -23,7 +24,7 @@ from sensor_msgs.msg import Image
 rclpy.init()
 node = rclpy.create_node('camera')
 publisher = node.create_publisher(Image, 'camera/image_raw', qos_profile_sensor_data)
-message = Image(height=480, width=640, encoding='bgr8', step=1920, data=bytes(921600))
+message = Image(height=1280, width=1920, encoding='bgr8', step=5760, data=bytes(7372800))
 while True:
     publisher.publish(message)
     time.sleep(1 / 30)
