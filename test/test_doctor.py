@@ -14,8 +14,8 @@ from vtrack_ros.cli import installation
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import abandoned_memory, profile_path, SHARED_MEMORY, VARIABLES, with_profile
 
-#: A camera that sends images in colour, best effort, 30 a second, until it is ended. They're large:
-#: of VGA ones all may arrive in a second, if they're read as fast as a socket's buffer fills.
+#: A camera that sends images in colour, best effort, 30 a second, until it is ended. They're
+#: large: of VGA ones all may arrive, if they're read as fast as a socket's buffer fills.
 CAMERA = END_WITH_PARENT + """
 import time
 import rclpy
