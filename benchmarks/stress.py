@@ -27,7 +27,7 @@ from vtrack_ros.evaluation.sequences import scene_sequence
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.stress_report import stress_chart
 from vtrack_ros.evaluation.stress_results import evaluate_stress, REFERENCE, StressResults
-from vtrack_ros.evaluation.stress_table import influence_rows
+from vtrack_ros.evaluation.stress_table import influence_rows, stress_json
 from vtrack_ros.evaluation.table import markdown, number_text
 from vtrack_ros.frame import Array
 
@@ -91,10 +91,17 @@ def aucs(each: list[StressResults], kind: str | None, tracker: str) -> Array:
                     for of_seed in levels], axis=0).T
 
 
-def gain(each: list[StressResults], tracker: str, kinds: tuple[str | None, ...]) -> Array:
-    """Return by how much a tracker's AUC is above that of `dcf`, of each target, mean of kinds."""
-    return np.mean([(aucs(each, kind, tracker) - aucs(each, kind, REFERENCE)).mean(axis=1)
-                    for kind in kinds], axis=0)
+def gain(each: list[StressResults], tracker: str,
+         kinds: tuple[str | None, ...]) -> dict[str, float]:
+    """
+    Return a tracker's AUC above that of `dcf`, of each target that both ran on everywhere.
+
+    The mean over these kinds, of the mean over a kind's severities.
+    """
+    gains = np.mean([(aucs(each, kind, tracker) - aucs(each, kind, REFERENCE)).mean(axis=1)
+                     for kind in kinds], axis=0)
+    return {target: float(value) for target, value in zip(each[0].plain.sequences, gains)
+            if np.isfinite(value)}
 
 
 def _arguments(argv: list[str] | None) -> argparse.Namespace:
@@ -116,14 +123,16 @@ def _shown(each: list[StressResults]) -> dict[str, object]:
     """Return what the page shows, and each target's stress mean above `dcf`."""
     first = each[0]
     trackers = list(first.plain.summary)
+    changed = stress_json(first)['kinds']
     return {
         'kinds': {kind or 'plain': {
             'severities': list(first.of_kind(kind)) if kind else [],
-            'auc': {tracker: np.round(aucs(each, kind, tracker).mean(axis=0), 4).tolist()
-                    for tracker in trackers}} for kind in (None, *first.kinds)},
+            'auc': {tracker: np.nanmean(aucs(each, kind, tracker), axis=0).tolist()
+                    for tracker in trackers},
+            **({'changed': changed[kind]['changed']} if kind else {})}
+            for kind in (None, *first.kinds)},
         'stress_mean_above_dcf': {
-            tracker: dict(zip(first.plain.sequences,
-                              np.round(gain(each, tracker, first.kinds), 4).tolist()))
+            tracker: gain(each, tracker, first.kinds)
             for tracker in trackers if tracker != REFERENCE}}
 
 
@@ -154,9 +163,10 @@ def _rows(each: list[StressResults]) -> list[list[str]]:
     rows = [['', REFERENCE, *(f'{tracker} above it' for tracker in others)]]
     every = {'plain': (None,), **{kind: (kind,) for kind in first.kinds}, '**mean**': first.kinds}
     for name, kinds in every.items():
-        level = np.mean([aucs(each, kind, REFERENCE).mean() for kind in kinds])
+        level = np.mean([np.nanmean(aucs(each, kind, REFERENCE)) for kind in kinds])
+        gains = [np.array(list(gain(each, tracker, kinds).values())) for tracker in others]
         rows.append([name, number_text(float(level), 'auc'), *(
-            interval_text(interval(gain(each, tracker, kinds))) for tracker in others)])
+            interval_text(interval(values)) if len(values) else '-' for values in gains)])
     return rows
 
 
@@ -164,7 +174,7 @@ def _severities(each: list[StressResults]) -> list[list[str]]:
     first = each[0]
     rows = [['', *first.plain.summary]]
     for kind in first.kinds:
-        means = np.array([aucs(each, kind, tracker).mean(axis=0)
+        means = np.array([np.nanmean(aucs(each, kind, tracker), axis=0)
                           for tracker in first.plain.summary]).T
         rows += [[f'{kind} {severity:g} ({STRESS_KINDS[kind].unit})',
                   *(number_text(float(value), 'auc') for value in row)]

@@ -1,6 +1,7 @@
 """Where to look for the target, and which of the places found is it: by motion and by look."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 import math
 from typing import TypeAlias
 
@@ -156,8 +157,8 @@ class GuidedSearch:
         theirs = [] if dt > _LONG else self._distractors.near(expected, _NEAR * side, dt)
         if not theirs:
             self._hidden = 0.0
-            return self._chosen([each for each in every if each[2] >= min(
-                _CANDIDATE * each[1].peak, each[1].peak)], dt)
+            return self._chosen(
+                [each for each in every if each[2] >= _share(each[1].peak, _CANDIDATE)], dt)
         ours: list[Maximum] = []
         others: list[Maximum] = []
         for each in strong(every, _DISTRACTING):
@@ -174,7 +175,8 @@ class GuidedSearch:
             self._distractors.forget(expected, _NEAR * side, dt)
         left = ours or every
         found = self._chosen(strong(left, _CANDIDATE), dt)
-        return replace(found, overruled=found.overruled or every[0] not in ours, contested=True)
+        overruled = found.overruled or left[0] is not every[0]
+        return replace(found, overruled=overruled, contested=True)
 
     def _chosen(self, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""
@@ -197,14 +199,12 @@ class GuidedSearch:
                   if self._found.hidden or math.dist(each[0], place) > apart]
         self._distractors.update(others, place, self._side, dt)
         if not target.unseen_frames:
-            self._distractors.compare(
-                place, self._side, lambda other: target.likeness(frame, other))
+            self._distractors.compare(place, self._side, partial(target.likeness, frame))
 
 
 def strong(every: list[Maximum], share: float) -> list[Maximum]:
     """Return those maxima, the highest first, of at least that share of the highest."""
-    highest = every[0][2]
-    least = min(share * highest, highest)
+    least = _share(every[0][2], share)
     return [each for each in every if each[2] >= least]
 
 
@@ -223,10 +223,15 @@ def maxima(response: ResponseMap, share: float) -> list[tuple[Point, float]]:
     """Return the local maxima, in pixels, and their values, down to a share of the highest."""
     values = response.values
     highest = cv2.dilate(values, np.ones((3, 3), np.uint8))
-    least = min(share * response.peak, response.peak)
+    least = _share(response.peak, share)
     rows, columns = np.nonzero((values >= highest) & (values >= least))
     return [(response.maximum((column, row)), values.item(row, column))
             for row, column in zip(rows.tolist(), columns.tolist())]
+
+
+def _share(highest: float, share: float) -> float:
+    """Return that share of the highest value; the value itself where it's below 0."""
+    return min(share * highest, highest)
 
 
 def _moved(place: Point, step: np.ndarray | Point) -> Point:
