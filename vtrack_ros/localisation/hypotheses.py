@@ -24,7 +24,7 @@ _TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
 #: While they agree and are sure, the other one is updated after so many frames' time, and one more
 #: where the leader's size was just measured; in each of the first frames, where the target parts
 #: from what was behind it.
-_PAUSE, _FIRST = 4.5, 30
+_PAUSE, _FIRST = 6.5, 30
 #: Boxes that overlap less than that are of different places; the models agree about the target
 #: where they overlap by so much more: a size that drifts away isn't what to begin again with.
 _TOGETHER, _ALIKE = 0.5, 0.75
