@@ -43,7 +43,41 @@ def test_similarity_and_sharpness_make_up_for_one_another():
         presence.judge(similarity, sharpness, 1.0, elsewhere=True)
         return presence.confidence
     assert confidence(0.09, 6.0) > 0.5 > confidence(0.09, 3.0)
-    assert confidence(0.25, 3.0) > 0.5 > confidence(0.05, 6.0)
+    assert confidence(0.25, 3.0) > 0.5 > confidence(0.04, 6.0)
+
+
+def odds(presence):
+    """Return the logarithm of a confidence's odds."""
+    return np.log(presence.confidence / (1 - presence.confidence))
+
+
+def after(similarities, interval=1.0):
+    """Return what judged frames of such similarities, all as sharp."""
+    presence = PresenceDetector()
+    for similarity in similarities:
+        presence.judge(similarity, 5.0, interval)
+    return presence
+
+
+@pytest.mark.parametrize('interval', [1.0, 4.0])
+def test_who_fades_has_turned_and_who_falls_is_hidden(interval):
+    """The same look says less for a target if it came at once; how fast is a matter of time."""
+    low = [0.08] * 8
+    faded = after([*np.geomspace(0.3, 0.08, round(48 / interval)), *low], interval)
+    fallen = after([*[0.3] * 20, *low], interval)
+    assert odds(faded) - odds(fallen) == pytest.approx(1.0, abs=0.01)
+    assert fallen.unseen_frames > 0 == faded.unseen_frames
+
+
+def test_a_fall_is_over_when_the_look_is_back_or_elsewhere():
+    """Half the usual similarity doesn't end what half of it wouldn't have begun; .7 of it does."""
+    dipped, hidden, back = (after([*[0.3] * 20, first, *[second] * 9]) for first, second in (
+        (0.15, 0.15), (0.05, 0.15), (0.05, 0.21)))
+    assert odds(dipped) - odds(hidden) == pytest.approx(1.0, abs=0.01)
+    assert odds(back) - odds(after([0.21] * 9)) == pytest.approx(0.0, abs=0.01)
+    for presence in (hidden, dipped):
+        presence.judge(0.15, 5.0, 1.0, elsewhere=True)
+    assert hidden.confidence == dipped.confidence
 
 
 def test_the_logistic_function():

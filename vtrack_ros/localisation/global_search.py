@@ -22,7 +22,7 @@ _RECENT_RATE = 0.25
 _LOOKS = 2
 #: A place is the target's where it's so similar to the initial template, so much more so than what
 #: is tracked, and so evident; and again within so many frames.
-_LEAST, _GAIN, _EVIDENT = 0.18, 1.3, 1.5
+_LEAST, _GAIN, _EVIDENT = 0.18, 1.3, 0.7
 _CONFIRMING = 5.0
 #: A box that overlaps more than that with what is tracked is no other one.
 _SAME = 0.3

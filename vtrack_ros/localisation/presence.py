@@ -29,10 +29,15 @@ _FAILED_RESPONSE = 0.7
 _FAILED_SIMILARITY, ALWAYS_GOOD = 0.6, 0.15
 #: Similarity to the initial template below which a place speaks against the target.
 EVEN_SIMILARITY = 0.085
-#: A logistic regression on real videos, under stress too, with as much weight on as off the
-#: target: weights of the logarithms of sharpness and similarity, the intercept, the least of each.
-_SHARPNESS_WEIGHT, _SIMILARITY_WEIGHT, _INTERCEPT = 2.4, 3.2, 4.7
+#: A logistic regression on real videos, under stress too: weights of the logarithms of sharpness
+#: and similarity, the intercept, and the least of each.
+_SHARPNESS_WEIGHT, _SIMILARITY_WEIGHT, _INTERCEPT = 2.4, 1.9, 1.65
 _LEAST_SHARPNESS, _LEAST_SIMILARITY = 0.1, 0.01
+#: Who turns changes by and by, who is hidden at once: logarithms of the similarity so far below
+#: their running mean, of that weight of the latest frame, are an abrupt fall, until they are
+#: within so much of it again; and what it takes off the evidence.
+_FALL, _RECOVERED, _USUAL_RATE = 0.9, 0.45, 0.05
+_FALL_WEIGHT = 1.0
 #: Weight of the latest frame's evidence; that of those before counts as no clearer than so much.
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
 #: A target is lost after more frames out of sight than that.
@@ -108,11 +113,13 @@ class PresenceDetector:
 
     A place similar to the target's first look isn't enough, for it turns and is lit anew, and
     textures are a little similar to everything; but where the target is, the response to its live
-    model is sharp as well. Neither alone tells as much as both.
+    model is sharp as well. Neither alone tells as much as both. A similarity that fell abruptly
+    speaks against it, one that faded doesn't.
     """
 
     def __init__(self) -> None:
         self._evidence = _CLEAR
+        self._frames, self._usual, self._fallen = 0.0, 0.0, False
         self.threshold = 0.5
         """The confidence from which on the target counts as seen."""
         self.unseen_frames = 0.0
@@ -132,9 +139,25 @@ class PresenceDetector:
         """
         before = min(max(self._evidence, -_CLEAR), _CLEAR)
         rate = 1.0 if elsewhere else _EVIDENCE_RATE
-        self._evidence = before + rate * (evidence(similarity, sharpness) - before)
+        latest = evidence(similarity, sharpness)
+        if self._falls(similarity, dt, elsewhere):
+            latest -= _FALL_WEIGHT
+        self._evidence = before + rate * (latest - before)
         seen = self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
+
+    def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
+        """Tell whether the similarity has fallen abruptly, and not recovered since."""
+        value = math.log(max(similarity, _LEAST_SIMILARITY))
+        if not self._frames:
+            self._usual = value
+        still = self._fallen and not elsewhere
+        self._fallen = value < self._usual - (_RECOVERED if still else _FALL)
+        if not self._fallen:
+            self._frames += dt
+            rate = min(max(_USUAL_RATE * dt, dt / self._frames), 1.0)
+            self._usual += rate * (value - self._usual)
+        return self._fallen
 
 
 def evidence(similarity: float, sharpness: float) -> float:
