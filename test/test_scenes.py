@@ -50,8 +50,7 @@ def test_catalogue():
 @pytest.mark.parametrize('name', sorted(set(PAPERS) | OTHERS))
 def test_truth_bounds_what_the_target_changes(name):
     """Where a picture changes with the target's brightness, there is the target: its bounds."""
-    info, size = scene_info(name), (220, 130)
-    scene = info.make(View(*size, info.width, info.height), np.random.default_rng(5))
+    scene = quarter(name)
     # Nothing in front, no blur, no noise, even light.
     bare = replace(scene, actors=scene.actors[:scene.target + 1], light=Light(),
                    camera=replace(scene.camera, exposure=1e-6, noise=0, softness=0))
@@ -66,7 +65,7 @@ def test_truth_bounds_what_the_target_changes(name):
     for dark, shot in zip(*films):
         change = (shot.frame.astype(int) - dark.frame).max(axis=2)
         rows, columns = (np.flatnonzero(change.max(axis=axis) > 8) for axis in (1, 0))
-        seen = shot.truth.clipped(*size)
+        seen = shot.truth.clipped(*shot.frame.shape[1::-1])
         measured = (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
         expected = (seen.x, seen.y, seen.x + seen.width, seen.y + seen.height)
         assert measured == pytest.approx(expected, abs=1.6)
@@ -118,7 +117,7 @@ def test_number_of_frames():
 
 def test_largest_size():
     """Full HD works, in colour and contiguous."""
-    shot = next(render('football', (1920, 1080)))
+    shot = next(render('scale_change', (1920, 1080)))
     assert shot.frame.shape == (1080, 1920, 3)
     assert shot.frame.dtype == np.uint8 and shot.frame.flags.c_contiguous
     assert shot.truth.clipped(1920, 1080) is not None

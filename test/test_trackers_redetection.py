@@ -121,13 +121,17 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
 
 
 def test_a_target_that_left_is_seldom_taken_for_another(repository):
-    """Of the frames without it, among other walkers, less than a quarter are called tracking."""
+    """
+    Of the frames without it, among other walkers, less than a quarter are called tracking.
+
+    If it was followed from the first frame: a shorter acquaintance is worth less.
+    """
     with BagReader(repository / 'bags' / 'leave_and_return') as bag:
         truth = bag.truth()
         frames = [(image.frame, truth[image.stamp]) for image in bag.frames()]
     first, box = frames[0]
     taken = []
-    for name, seed in product(('gmpf', 'abmspf', 'appf', 'dcf'), range(3)):
+    for name, seed in product(('gmpf', 'abmspf', 'appf', 'dcf'), range(2)):
         tracker = create_tracker(name, seed=seed)
         tracker.start(first, box)
         estimates = [tracker.update(frame) for frame, _ in frames[1:]]
