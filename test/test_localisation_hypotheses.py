@@ -90,7 +90,6 @@ def test_after_a_gap_it_searches_around():
     # without the time that has passed, and with the target seen, one window does
     still = search.search(VIDEO.frame(START), 1.0)
     assert still.place == (pytest.approx(START[0], abs=2), pytest.approx(START[1], abs=2))
-    assert not still.overruled
 
 
 def test_a_double_elsewhere_isn_t_taken_for_the_target():

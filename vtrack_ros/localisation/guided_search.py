@@ -48,14 +48,12 @@ class Found:
     """
     What a search brought: the response in the best window, and the target's place, in pixels.
 
-    `overruled` tells whether motion chose another place than the highest response, `contested`
-    whether a distractor is so near that only motion tells which one is the target, `hidden` that
-    the place is only where the target is expected, for the distractor is there.
+    `contested` tells that a distractor is so near that only motion tells which one is the target,
+    `hidden` that the place is only where the target is expected, for the distractor is there.
     """
 
     response: ResponseMap
     place: Point
-    overruled: bool
     contested: bool = False
     hidden: bool = False
 
@@ -171,26 +169,22 @@ class GuidedSearch:
         if not ours or (meeting and not others):
             self._hidden += dt
             if self._hidden <= _HIDDEN:
-                return Found(response, expected, overruled=True, contested=True, hidden=True)
+                return Found(response, expected, contested=True, hidden=True)
             self._distractors.forget(expected, _NEAR * side, dt)
-        left = ours or every
-        found = self._chosen(strong(left, _CANDIDATE), dt)
-        overruled = found.overruled or left[0] is not every[0]
-        return replace(found, overruled=overruled, contested=True)
+        return replace(self._chosen(strong(ours or every, _CANDIDATE), dt), contested=True)
 
     def _chosen(self, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""
         if len(every) == 1:
-            return Found(every[0][1], every[0][0], overruled=False)
+            return Found(every[0][1], every[0][0])
         side = self._side
         found = distinct(every, _DISTINCT * side)
         values = np.array([value for _, _, value in found])
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
         scores += self._mixture.log_density(places, self._forecasts, side, dt)
-        best = int(scores.argmax())
-        place, response, value = found[best]
-        return Found(response, place, value < values.max())
+        place, response, _ = found[int(scores.argmax())]
+        return Found(response, place)
 
     def _follow_distractors(self, frame: Frame, every: list[Maximum], dt: float) -> None:
         """Follow what else answers than the target."""
