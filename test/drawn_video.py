@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-import math
 
 import cv2
 import numpy as np
@@ -14,8 +13,6 @@ from vtrack_ros.geometry import Box
 SIZE = (320, 240)
 TARGET = (48, 40)
 START = (140.0, 110.0)
-#: The largest of the whole numbers that noise is made of.
-_EVEN = 127
 
 
 def texture(shape: tuple[int, int], colours: list[tuple[int, int, int]], blob: int,
@@ -49,9 +46,7 @@ class DrawnVideo:
                                [0.0, 1.0, center[1] - TARGET[1] / 2]])
             cv2.warpAffine(self._target.astype(np.float32), matrix, SIZE, dst=image,
                            flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
-        # uniform, for it's drawn in a tenth of the time
-        drawn = self._rng.integers(-_EVEN, _EVEN, (*image.shape[:2], 1), np.int8, endpoint=True)
-        image += np.float32(noise * math.sqrt(3) / _EVEN) * drawn
+        image += noise * self._rng.standard_normal((*image.shape[:2], 1), np.float32)
         result = np.clip(image, 0, 255).astype(np.uint8)
         return result if self.colour else cv2.cvtColor(result, cv2.COLOR_BGR2GRAY)
 
