@@ -61,6 +61,7 @@ class TrackerLink:
         self.picture = self._observer.picture
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
+        self._closing = threading.Event()
         self._thread = threading.Thread(target=self._spin, name='ros')
         self._thread.start()
 
@@ -151,9 +152,11 @@ class TrackerLink:
 
     def close(self) -> None:
         """Take the node down."""
+        # no callback may find its context gone, and the executor's own shutdown waits for none
+        self._closing.set()
+        self._thread.join()
         self._executor.shutdown()
         rclpy.try_shutdown(context=self._context)
-        self._thread.join()
         self._observer.destroy()
         self._node.destroy_node()
 
@@ -165,9 +168,9 @@ class TrackerLink:
         publisher.publish(message)
 
     def _spin(self) -> None:
-        while self._context.ok():
+        while self._context.ok() and not self._closing.is_set():
             try:
-                self._executor.spin_once(timeout_sec=0.5)
+                self._executor.spin_once(timeout_sec=0.2)
             except (rclpy.executors.ExternalShutdownException,
                     rclpy.executors.ShutdownException):
                 return
