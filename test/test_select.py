@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import threading
+import time
 
 import aiohttp
 from bag_material import write_slow_bag
@@ -22,7 +23,9 @@ from vtrack_ros.bags import BagReader
 from vtrack_ros.dds import with_profile
 from vtrack_ros.geometry import Box
 from vtrack_ros.selecting.access import is_loopback
+from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
+from vtrack_ros.selecting.tracker_link import TrackerLink
 
 
 @contextmanager
@@ -398,3 +401,22 @@ def test_record(address, truth, bag, recordings):
     assert len(seen) > 1
     for image in seen:
         np.testing.assert_array_equal(image.frame, frames[image.stamp])
+
+
+def test_it_closes_between_callbacks(monkeypatch):
+    """A look at the graph that has begun ends before its context does."""
+    begun, raised, look = threading.Event(), [], Observer.look
+
+    def slow(one):
+        begun.set()
+        time.sleep(0.3)
+        look(one)
+    monkeypatch.setattr(Observer, 'look', slow)
+    monkeypatch.setattr(threading, 'excepthook', raised.append)
+
+    async def main():
+        link = TrackerLink('/nobody', lambda: None, lambda text: None)
+        await asyncio.to_thread(begun.wait, PATIENCE)
+        link.close()
+    asyncio.run(main())
+    assert begun.is_set() and not raised
