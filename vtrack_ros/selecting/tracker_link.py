@@ -168,9 +168,5 @@ class TrackerLink:
         publisher.publish(message)
 
     def _spin(self) -> None:
-        while self._context.ok() and not self._closing.is_set():
-            try:
-                self._executor.spin_once(timeout_sec=0.2)
-            except (rclpy.executors.ExternalShutdownException,
-                    rclpy.executors.ShutdownException):
-                return
+        while not self._closing.is_set():
+            self._executor.spin_once(timeout_sec=0.2)
