@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import logit
 
 from vtrack_ros.localisation.presence import (
     logistic, PresenceDetector, state_after, unknown_covariance)
@@ -46,11 +47,6 @@ def test_similarity_and_sharpness_make_up_for_one_another():
     assert confidence(0.25, 3.0) > 0.5 > confidence(0.04, 6.0)
 
 
-def odds(presence):
-    """Return the logarithm of a confidence's odds."""
-    return np.log(presence.confidence / (1 - presence.confidence))
-
-
 def after(similarities, interval=1.0):
     """Return what judged frames of such similarities, all as sharp."""
     presence = PresenceDetector()
@@ -65,7 +61,7 @@ def test_who_fades_has_turned_and_who_falls_is_hidden(interval):
     low = [0.08] * 8
     faded = after([*np.geomspace(0.3, 0.08, round(48 / interval)), *low], interval)
     fallen = after([*[0.3] * 20, *low], interval)
-    assert odds(faded) - odds(fallen) == pytest.approx(1.0, abs=0.01)
+    assert logit(faded.confidence) - logit(fallen.confidence) == pytest.approx(1.0, abs=0.01)
     assert fallen.unseen_frames > 0 == faded.unseen_frames
 
 
@@ -73,8 +69,9 @@ def test_a_fall_is_over_when_the_look_is_back_or_elsewhere():
     """Half the usual similarity doesn't end what half of it wouldn't have begun; .7 of it does."""
     dipped, hidden, back = (after([*[0.3] * 20, first, *[second] * 9]) for first, second in (
         (0.15, 0.15), (0.05, 0.15), (0.05, 0.21)))
-    assert odds(dipped) - odds(hidden) == pytest.approx(1.0, abs=0.01)
-    assert odds(back) - odds(after([0.21] * 9)) == pytest.approx(0.0, abs=0.01)
+    assert logit(dipped.confidence) - logit(hidden.confidence) == pytest.approx(1.0, abs=0.01)
+    never = after([0.21] * 9)
+    assert logit(back.confidence) - logit(never.confidence) == pytest.approx(0.0, abs=0.01)
     for presence in (hidden, dipped):
         presence.judge(0.15, 5.0, 1.0, elsewhere=True)
     assert hidden.confidence == dipped.confidence

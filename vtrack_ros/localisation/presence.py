@@ -119,7 +119,7 @@ class PresenceDetector:
 
     def __init__(self) -> None:
         self._evidence = _CLEAR
-        self._frames, self._usual, self._fallen = 0.0, 0.0, False
+        self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
         """The confidence from which on the target counts as seen."""
         self.unseen_frames = 0.0
@@ -149,8 +149,6 @@ class PresenceDetector:
     def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
         """Tell whether the similarity has fallen abruptly, and not recovered since."""
         value = math.log(max(similarity, _LEAST_SIMILARITY))
-        if not self._frames:
-            self._usual = value
         still = self._fallen and not elsewhere
         self._fallen = value < self._usual - (_RECOVERED if still else _FALL)
         if not self._fallen:
