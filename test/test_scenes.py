@@ -50,7 +50,8 @@ def test_catalogue():
 @pytest.mark.parametrize('name', sorted(set(PAPERS) | OTHERS))
 def test_truth_bounds_what_the_target_changes(name):
     """Where a picture changes with the target's brightness, there is the target: its bounds."""
-    scene = quarter(name)
+    info, size = scene_info(name), (220, 130)
+    scene = info.make(View(*size, info.width, info.height), np.random.default_rng(5))
     # Nothing in front, no blur, no noise, even light.
     bare = replace(scene, actors=scene.actors[:scene.target + 1], light=Light(),
                    camera=replace(scene.camera, exposure=1e-6, noise=0, softness=0))
@@ -65,7 +66,7 @@ def test_truth_bounds_what_the_target_changes(name):
     for dark, shot in zip(*films):
         change = (shot.frame.astype(int) - dark.frame).max(axis=2)
         rows, columns = (np.flatnonzero(change.max(axis=axis) > 8) for axis in (1, 0))
-        seen = shot.truth.clipped(*shot.frame.shape[1::-1])
+        seen = shot.truth.clipped(*size)
         measured = (columns[0], rows[0], columns[-1] + 1, rows[-1] + 1)
         expected = (seen.x, seen.y, seen.x + seen.width, seen.y + seen.height)
         assert measured == pytest.approx(expected, abs=1.6)

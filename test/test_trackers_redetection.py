@@ -131,7 +131,7 @@ def test_a_target_that_left_is_seldom_taken_for_another(repository):
         frames = [(image.frame, truth[image.stamp]) for image in bag.frames()]
     first, box = frames[0]
     taken = []
-    for name, seed in product(('gmpf', 'abmspf', 'appf', 'dcf'), range(2)):
+    for name, seed in product(('gmpf', 'abmspf', 'appf', 'dcf'), range(3)):
         tracker = create_tracker(name, seed=seed)
         tracker.start(first, box)
         estimates = [tracker.update(frame) for frame, _ in frames[1:]]
