@@ -68,6 +68,20 @@ def test_what_has_failed_for_long_is_doubted(search_and_live):
     assert not any(sightings(search, live, frame, 0.7, 200, failed=True))
 
 
+def test_what_was_found_after_a_failure_is_doubted_until_it_is_like_the_target(search_and_live):
+    """At once, and not while tracking has failed again: that's re-detection's."""
+    search, live = search_and_live
+    frame = VIDEO.frame(ELSEWHERE)
+    search.restart(0.25, usual=0.45)
+    assert not any(sightings(search, live, frame, 0.25, 29, failed=True))
+    assert any(sightings(search, live, frame, 0.25, 30))
+    search.restart(0.25, usual=0.45)
+    sightings(search, live, VIDEO.frame(None), 0.45, 20)
+    assert not any(sightings(search, live, frame, 0.25, 150))
+    search.restart(0.25, usual=0.25)
+    assert not any(sightings(search, live, frame, 0.24, 150))
+
+
 def test_time_passes_with_frames_that_were_dropped(search_and_live):
     """The patience is one in frames' time: frames of twice the interval count twice."""
     search, live = search_and_live

@@ -120,6 +120,32 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
     assert estimate.state is TrackState.TRACKING
 
 
+@pytest.mark.parametrize('name', ('gmpf', 'pf', 'pqkpf', 'abmspf', 'dcf'))
+def test_a_look_alike_is_left_when_the_target_comes_back(name):
+    """It was taken for the target while that was hidden, and has its colours and much of it."""
+    video, here, there = DrawnVideo(seed=4, blob=60), (80.0, 80.0), (250.0, 180.0)
+    left, top = (int(place - side / 2) for place, side in zip(there, TARGET))
+    place = slice(top, top + TARGET[1]), slice(left, left + TARGET[0])
+    other = texture(
+        TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8,
+        np.random.default_rng(7))
+    alike = 0.7 * video.frame(there, noise=0.0)[place] + 0.3 * other
+
+    def frame(center):
+        image = video.frame(center)
+        image[place] = alike
+        return image
+
+    tracker = create_tracker(name, seed=0)
+    tracker.start(frame(here), box_at(here))
+    for center in [here] * 15 + [None] * 40:
+        estimate = tracker.update(frame(center))
+    assert estimate.measured and estimate.box.iou(box_at(there)) > 0.5
+    for _ in range(20):
+        estimate = tracker.update(frame(here))
+    assert estimate.measured and estimate.box.iou(box_at(here)) > 0.8
+
+
 def test_a_target_that_left_is_seldom_taken_for_another(repository):
     """
     Of the frames without it, among other walkers, less than a quarter are called tracking.

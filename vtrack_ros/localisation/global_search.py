@@ -16,6 +16,9 @@ from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 #: What is tracked is doubted while the running mean of its similarity, in which the latest frame
 #: has this weight, is below this level, since that many frames; or when it has failed for longer.
 _RATE, _DOUBTED, _PATIENCE, _FAILED = 0.05, 0.15, 20.0, 30.0
+#: What was found after a failure is doubted at once, until it has had this share of the similarity
+#: that was usual before.
+_CONFIRMED = 0.9
 #: Weight of the latest frame in the mean that another place is compared with.
 _RECENT_RATE = 0.25
 #: Places searched in a frame.
@@ -50,7 +53,8 @@ class GlobalSearch:
     A model that has learned something else answers to that as sharply as to its target before, and
     re-detection, which goes by the latest models, can't tell. Nor does the initial template, for
     a target changes its looks. But where something else has been far more like the first look than
-    what is tracked, twice, the target is there.
+    what is tracked, twice, the target is there. So it is with a look-alike that was found while
+    the target was hidden.
     """
 
     def __init__(self, model: TargetModel, template: InitialTemplate, size: Point,
@@ -62,9 +66,14 @@ class GlobalSearch:
         self._looks = 0
         self.restart(1.0)
 
-    def restart(self, similarity: float) -> None:
-        """Count the target as found, with that similarity to the initial template."""
+    def restart(self, similarity: float, usual: float = 0.0) -> None:
+        """
+        Count the target as found, with that similarity to the initial template.
+
+        `usual` is what was usual before the failure that is over, if there was one.
+        """
         self._mean = self._recent = similarity
+        self._unconfirmed = _CONFIRMED * usual
         self._doubted = self._failed = 0.0
         self._candidate: Sighting | None = None
         self._waited = 0.0
@@ -83,7 +92,10 @@ class GlobalSearch:
         self._doubted = self._doubted + dt if self._mean < _DOUBTED else 0.0
         if not (failed or self._doubted):
             self._size = live.size
-        if self._doubted < _PATIENCE and self._failed < _FAILED:
+        if self._recent >= self._unconfirmed:
+            self._unconfirmed = 0.0
+        if (self._doubted < _PATIENCE and self._failed < _FAILED
+                and (failed or not self._unconfirmed)):
             self._candidate = None
             return None
         least = max(_LEAST, _GAIN * max(self._recent, similarity))

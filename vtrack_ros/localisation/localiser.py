@@ -147,10 +147,10 @@ class Localiser:
                 elsewhere, sharpness = True, verdict.sharpness
             if verdict.over:
                 self._failure = None
+                if elsewhere:
+                    self._global.restart(self._similarity, before.usual_similarity)
         self.restarted = False
-        if elsewhere and not self.uncertain:
-            self._global.restart(self._similarity)
-        elif search:
+        if search and (self.uncertain or not elsewhere):
             sighting = self._global.update(
                 frame, self._live, self._similarity, self.uncertain, dt)
             if sighting is not None:
