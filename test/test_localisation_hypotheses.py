@@ -4,10 +4,12 @@ from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
 
+from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import GuidedSearch, Hypotheses
 from vtrack_ros.localisation.guided_search import maxima
+from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.trackers import create_tracker
 
 VIDEO = DrawnVideo(seed=1)
@@ -70,6 +72,19 @@ def test_no_frame_measures_two_sizes(monkeypatch):
     monkeypatch.setattr(ScaleRegression, 'updated', counted)
     follow([START, *((START[0] + index, START[1]) for index in range(72))], frame_of)
     assert max(counts[31:]) == 1 and sum(counts[31:]) > 10
+
+
+def test_the_box_has_the_size_between_the_two_models(monkeypatch):
+    """One measures that the target grew, the other that it didn't: as much for one as the other."""
+    def growth(model, window, shift):
+        return 1.01 if isinstance(model.correlation, ConstrainedFilter) else 1.0
+    monkeypatch.setattr(TargetModel, 'growth', growth)
+    target, _, _ = follow([START] * 30)
+    box = target.estimate(np.eye(4)).box
+    assert target.size == pytest.approx(TARGET)
+    assert 0.5 * np.log(1.01) * 5 < np.log(box.width / TARGET[0]) < 0.5 * np.log(1.01) * 10
+    assert box.center == pytest.approx(target.center)
+    assert box.width / box.height == pytest.approx(TARGET[0] / TARGET[1])
 
 
 def test_the_window_goes_ahead_of_a_steady_target():

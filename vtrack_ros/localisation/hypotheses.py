@@ -100,6 +100,8 @@ class Hypotheses:
         self._frames = self._apart = 0
         #: The leader's place, and the time since, when the other one was updated last.
         self._latest, self._waiting = center, 0.0
+        #: By which factor the size that both agree on is larger than the leader's.
+        self._growth = 1.0
 
     @property
     def more_windows(self) -> int:
@@ -162,6 +164,7 @@ class Hypotheses:
                                   self._other: self._leader.similarity / _GIVES_UP}
             self._agreed = {each: each.snapshot for each in self._similarities}
             self._apart, self._latest = 0, self._leader.center
+            self._growth = 1.0
         self._frames += 1
         self._waiting += dt
         # no frame should take much longer than the others: the two measure sizes in turns
@@ -188,7 +191,9 @@ class Hypotheses:
 
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:
-        """Return the leader's estimate; see `Localiser.estimate`."""
+        """Return the leader's estimate, in the size between both models' while they agree."""
+        if box is None:
+            box = Box.from_center(*self.center, *(self._growth * side for side in self.size))
         return self._leader.estimate(covariance, angle, particles, affine, box)
 
     def _questionable(self) -> bool:
@@ -214,8 +219,10 @@ class Hypotheses:
         """Tell whether the other model takes over; or let it start again at the leader's place."""
         leader, other = self._leader, self._other
         overlap = _box(leader).iou(_box(other))
+        self._growth = 1.0
         if overlap >= _TOGETHER:
             self._apart = 0
+            self._growth = math.sqrt(other.size[0] / leader.size[0])
             if overlap >= _ALIKE:
                 self._agreed = {each: each.snapshot for each in self._similarities}
             return False
