@@ -75,7 +75,7 @@ def test_no_frame_measures_two_sizes(monkeypatch):
 
 
 def test_the_box_has_the_size_between_the_two_models(monkeypatch):
-    """One measures that the target grew, the other that it didn't: as much for one as the other."""
+    """One measures that the target grew, the other that it did not: each counts as much."""
     def growth(model, window, shift):
         return 1.01 if isinstance(model.correlation, ConstrainedFilter) else 1.0
     monkeypatch.setattr(TargetModel, 'growth', growth)
