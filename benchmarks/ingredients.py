@@ -31,7 +31,7 @@ from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
-from vtrack_ros.localisation import guided_search, hypotheses, target_model
+from vtrack_ros.localisation import global_search, guided_search, hypotheses, target_model
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.guided_search import GuidedSearch
@@ -54,6 +54,10 @@ def _staying_or_own(self: Any, dt: float, own: Any) -> Any:
     return {name: place for name, place in every.items() if name in (STAYING, 'own')}
 
 
+def _of_leader(self: Any, *values: Any, **named: Any) -> Any:
+    return self._leader.estimate(*values, **named)
+
+
 def _unsearched(self: Any, frame: Any, live: Any, similarity: float, peak: float, dt: float,
                 search: bool = True) -> Any:
     return _update(self, frame, live, similarity, peak, dt, search=False)
@@ -74,11 +78,14 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     'the second model': lambda: [
         patch.object(hypotheses, '_PAUSE', math.inf),
         patch.object(hypotheses.Hypotheses, '_questionable', lambda self: False)],
+    "the second model's size": lambda: [
+        patch.object(hypotheses.Hypotheses, 'estimate', _of_leader)],
     'the share of the first frame': lambda: [
         patch.object(target_model, '_FIRST_IN_FILTER', 0.0),
         patch.object(target_model, '_FIRST_IN_SCALE', 0.0)],
     'the global search': lambda: [
         patch.object(GlobalSearch, 'update', lambda self, *_: None)],
+    'doubt of what was found': lambda: [patch.object(global_search, '_CONFIRMED', 0.0)],
     're-detection': lambda: [patch.object(Redetection, 'update', _unsearched)]}
 
 
