@@ -73,6 +73,7 @@ class GlobalSearch:
         `usual` is what was usual before the failure that is over, if there was one.
         """
         self._mean = self._recent = similarity
+        #: What was found is the target beyond doubt when it has been so similar; 0 from then on.
         self._unconfirmed = _CONFIRMED * usual
         self._doubted = self._failed = 0.0
         self._candidate: Sighting | None = None
