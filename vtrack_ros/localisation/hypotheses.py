@@ -191,7 +191,11 @@ class Hypotheses:
 
     def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
                  affine: Array | None = None, box: Box | None = None) -> Estimate:
-        """Return the leader's estimate, in the size between both models' while they agree."""
+        """
+        Return the leader's estimate; see `Localiser.estimate`.
+
+        While both models agree, a box that isn't given has the size between theirs.
+        """
         if box is None:
             box = Box.from_center(*self.center, *(self._growth * side for side in self.size))
         return self._leader.estimate(covariance, angle, particles, affine, box)
