@@ -47,6 +47,18 @@ def test_similarity_and_sharpness_make_up_for_one_another():
     assert confidence(0.25, 3.0) > 0.5 > confidence(0.04, 6.0)
 
 
+def test_who_is_sure_has_seen_the_target_well_in_the_latest_frame():
+    """One that resembles its first look little is, if the response is sharp."""
+    presence = PresenceDetector()
+    assert presence.is_sure(0.12, 6.5) and presence.is_sure(0.4, 4.0)
+    assert not presence.is_sure(0.05, 3.0) and not presence.is_sure(0.08, 3.5)
+    # it's asked, not told
+    assert presence.confidence == PresenceDetector().confidence
+    for _ in range(3):
+        presence.judge(0.05, 2.5, 1.0)
+    assert not presence.is_sure(0.12, 6.5)
+
+
 def after(similarities, interval=1.0):
     """Return what judged frames of such similarities, all as sharp."""
     presence = PresenceDetector()

@@ -12,6 +12,7 @@ from vtrack_ros.appearance.siamese_network import (
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.localiser import Localiser
+from vtrack_ros.localisation.presence import ALWAYS_GOOD
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser
 from vtrack_ros.tracker import Estimate
@@ -134,6 +135,15 @@ class Hypotheses:
         return self._leader.uncertain
 
     @property
+    def is_followed(self) -> bool:
+        """
+        Tell whether forecasts may learn from where the target is: whether it's seen there.
+
+        What a network sees while it's searched elsewhere may be something else.
+        """
+        return not (self.unseen_frames or (self.network is not None and self.uncertain))
+
+    @property
     def unseen_frames(self) -> float:
         """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
         return self._leader.unseen_frames
@@ -182,6 +192,11 @@ class Hypotheses:
         for each in self._similarities:
             each.require(confidence)
 
+    def grow(self, factor: float) -> None:
+        """Take the target for larger by a factor."""
+        for each in self._similarities:
+            each.grow(factor)
+
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
         x, y = np.subtract(center, self.center).tolist()
@@ -201,8 +216,9 @@ class Hypotheses:
         return self._leader.estimate(covariance, angle, particles, affine, box)
 
     def _questionable(self) -> bool:
-        """Tell whether the two disagree, or the leader isn't sure, or they're new."""
-        return self._frames <= _FIRST or self._apart > 0 or self._leader.uncertain
+        """Tell whether the two disagree, or the leader isn't like itself, or they're new."""
+        return (self._frames <= _FIRST or self._apart > 0
+                or self._leader.similarity < ALWAYS_GOOD)
 
     def _update_other(self, frame: Frame) -> None:
         """Let the other model follow its own maximum; about the leader's place, if it's near."""

@@ -138,7 +138,7 @@ class Localiser:
         self._live = self._updated(frame, response, inside(center, frame), dt)
         elsewhere, sharpness = False, response.sharpness
         if self._failure is None:
-            self._judge(before, response.peak, dt)
+            self._judge(before, response, dt)
         else:
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, search)
@@ -163,6 +163,11 @@ class Localiser:
     def require(self, confidence: float) -> None:
         """Count the target as seen from this confidence on."""
         self._presence.threshold = confidence
+
+    def grow(self, factor: float) -> None:
+        """Take the target for larger by a factor."""
+        width, height = self._live.size
+        self._live = replace(self._live, size=self._bounded((factor * width, factor * height)))
 
     def move_to(self, center: Point) -> None:
         """Put the target at another place, in pixels: the same one, in other coordinates."""
@@ -243,18 +248,25 @@ class Localiser:
         """Bound a size, of the first one's aspect: who is out of sight may not drift far."""
         width, height = self._first_size
         factor = min(max(size[0] / width, SMALLEST), LARGEST)
-        if self._failure is not None:
+        if self._failure is not None and self._presence.unseen_frames:
             least, largest = self._failure.bounds(width)
             factor = min(max(factor, least), largest)
         return factor * width, factor * height
 
-    def _judge(self, before: TargetSnapshot, peak: float, dt: float) -> None:
-        """Follow what's usual, or begin to search with a snapshot when tracking has failed."""
+    def _judge(self, before: TargetSnapshot, response: ResponseMap, dt: float) -> None:
+        """
+        Follow what's usual, or begin to search with a snapshot when tracking has failed.
+
+        Who is surely present only looks different; a model that doesn't learn can't be as sure.
+        """
+        peak = response.peak
         if self._frames == 1:
             self._live = before = replace(
                 self._live, usual_response=peak, usual_similarity=self._similarity)
         self._velocity.begin(before.center, dt)
-        if has_failed(before, self._similarity, peak):
+        sure = (before.model.LEARNS
+                and self._presence.is_sure(self._similarity, response.sharpness))
+        if has_failed(before, self._similarity, peak) and not sure:
             self._velocity.interrupt()
             self._failure = Redetection(
                 before, self._template, self._velocity.velocity, dt, self._rng)

@@ -38,6 +38,8 @@ _LEAST_SHARPNESS, _LEAST_SIMILARITY = 0.1, 0.01
 #: within so much of it again; and what it takes off the evidence.
 _FALL, _RECOVERED, _USUAL_RATE = 0.9, 0.45, 0.05
 _FALL_WEIGHT = 1.0
+#: Tracking hasn't failed where the evidence for the target is more than that.
+_SURE = 1.0
 #: Weight of the latest frame's evidence; that of those before counts as no clearer than so much.
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
 #: A target is lost after more frames out of sight than that.
@@ -137,14 +139,21 @@ class PresenceDetector:
 
         To those of another place, `elsewhere`, the last frames' mean nothing.
         """
-        before = min(max(self._evidence, -_CLEAR), _CLEAR)
-        rate = 1.0 if elsewhere else _EVIDENCE_RATE
         latest = evidence(similarity, sharpness)
         if self._falls(similarity, dt, elsewhere):
             latest -= _FALL_WEIGHT
-        self._evidence = before + rate * (latest - before)
+        self._evidence = latest if elsewhere else self._averaged(latest)
         seen = self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
+
+    def is_sure(self, similarity: float, sharpness: float) -> bool:
+        """Tell whether the target is present beyond doubt if that's what the next frame says."""
+        return self._averaged(evidence(similarity, sharpness)) > _SURE
+
+    def _averaged(self, latest: float) -> float:
+        """Return the evidence after one more frame's."""
+        before = min(max(self._evidence, -_CLEAR), _CLEAR)
+        return before + _EVIDENCE_RATE * (latest - before)
 
     def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
         """Tell whether the similarity has fallen abruptly, and not recovered since."""
