@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from vtrack_ros.appearance.camera_motion import CameraMotion
+from vtrack_ros.appearance.target_flow import TargetFlow
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.distractors import Distractors
@@ -69,7 +70,7 @@ class GuidedSearch:
     believed whose response and whose place are the most probable together: the target's double
     answers as well, but isn't where the target has to be. Doubles are followed too, and maxima
     where one of those is expected aren't the target; while one passes before it, it goes on as
-    expected.
+    expected. Before all that the target has grown as the flow of its own points says.
     """
 
     _found: Found
@@ -77,6 +78,7 @@ class GuidedSearch:
     def __init__(self, frame: Frame, target: Hypotheses) -> None:
         self._target = target
         self._camera = CameraMotion(frame)
+        self._flow = TargetFlow(frame, target.center, target.size)
         self._mixture = ForecastMixture()
         self._start = target.center
         self._forecasts: dict[str, Point] = {}
@@ -91,6 +93,7 @@ class GuidedSearch:
         target = self._target
         self._start = target.center
         self._shift = self._camera.update(frame)
+        self._grow(frame)
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
@@ -105,10 +108,12 @@ class GuidedSearch:
             self._follow_distractors(frame, every, dt)
         return self._found
 
-    def follow(self, dt: float, elsewhere: bool) -> None:
-        """Learn from where the target is now, unless that is `elsewhere`, or uncertain."""
+    def follow(self, frame: Frame, dt: float, elsewhere: bool) -> None:
+        """Learn from where the target is now, unless that is `elsewhere`, or it isn't seen."""
         target = self._target
-        if elsewhere or target.uncertain:
+        if not target.unseen_frames:
+            self._flow.remember(frame, target.center, target.size)
+        if elsewhere or not target.is_followed:
             self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
             return
         if self._found.hidden:
@@ -119,6 +124,14 @@ class GuidedSearch:
         if self._shift is not None:
             own = (step - self._shift) / dt
             self._own_velocity = (1 - _VELOCITY_RATE) * self._own_velocity + _VELOCITY_RATE * own
+
+    def _grow(self, frame: Frame) -> None:
+        """Let the target grow as its own points do, if it was seen in the frame before."""
+        target = self._target
+        if target.network is None and not self._hidden and not target.unseen_frames:
+            growth = self._flow.growth(frame)
+            if growth is not None:
+                target.grow(growth)
 
     @property
     def _side(self) -> float:

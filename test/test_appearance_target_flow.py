@@ -1,0 +1,84 @@
+"""By how much a target grew between two frames, by the flow of its points."""
+
+import cv2
+from drawn_video import DrawnVideo, SIZE, START, TARGET, texture
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.target_flow import TargetFlow
+
+VIDEO = DrawnVideo(seed=1)
+
+
+def zoomed(factor, shift=(0.0, 0.0)):
+    """Return the drawn frame, zoomed about the target and moved, in pixels."""
+    x, y = ((1 - factor) * (place - 0.5) + step for place, step in zip(START, shift))
+    return cv2.warpAffine(VIDEO.frame(START, noise=0.0), np.array([[factor, 0, x], [0, factor, y]]),
+                          SIZE, borderMode=cv2.BORDER_REFLECT)
+
+
+def growth(first, second, center=START, size=TARGET):
+    """Return what is told of two frames."""
+    return TargetFlow(first, center, size).growth(second)
+
+
+@pytest.mark.parametrize('shift', [(0.0, 0.0), (7.3, -4.6)])
+@pytest.mark.parametrize('factor', [0.93, 0.97, 1.03, 1.08])
+@pytest.mark.parametrize('grey', [False, True])
+def test_growth_is_told_wherever_the_target_went(factor, shift, grey):
+    """To less than one per cent, of colour and of grey frames."""
+    first, second = zoomed(1.0), zoomed(factor, shift)
+    if grey:
+        first, second = first[:, :, 0], second[:, :, 0]
+    assert growth(first, second) == pytest.approx(factor, abs=0.008)
+
+
+@pytest.mark.parametrize('zoom', [0.25, 3.0])
+def test_a_small_and_a_large_target_s_growth_is_told(zoom):
+    """A target of 11 px, and one of 130 px."""
+    frames = [cv2.resize(zoomed(factor), None, fx=zoom, fy=zoom, interpolation=cv2.INTER_AREA)
+              for factor in (1.0, 1.05)]
+    center, size = ([zoom * value for value in pair] for pair in (START, TARGET))
+    assert growth(*frames, center, size) == pytest.approx(1.05, abs=0.015)
+
+
+def test_who_only_moves_or_hardly_grows_is_left_as_it_is():
+    """What is less than one per cent can't be told from noise; the regression sees to that."""
+    assert growth(zoomed(1.0), zoomed(1.0, (6.0, 3.0))) is None
+    assert growth(zoomed(1.0), zoomed(1.005)) is None
+    assert growth(VIDEO.frame(START), VIDEO.frame(START)) is None
+
+
+def test_what_is_behind_the_target_says_nothing():
+    """The ground grows about it by six per cent."""
+    frame, grown = zoomed(1.0), zoomed(1.06)
+    left, top = (round(place - side / 2) for place, side in zip(START, TARGET))
+    grown[top:top + TARGET[1], left:left + TARGET[0]] = (
+        frame[top:top + TARGET[1], left:left + TARGET[0]])
+    assert growth(frame, grown) is None
+
+
+def test_half_of_a_target_is_enough():
+    """A third of it is hidden by something that doesn't grow: it grows all the same, if less."""
+    frame, grown = zoomed(1.0), zoomed(1.06)
+    left, right = round(START[0] - TARGET[0]), round(START[0] - TARGET[0] / 6)
+    frame[:, left:right] = grown[:, left:right] = texture(
+        (SIZE[1], right - left), [(0, 0, 0), (90, 200, 90)], 5, np.random.default_rng(3))
+    assert 1.02 < growth(frame, grown) < 1.07
+
+
+def test_who_is_hidden_or_blank_says_nothing():
+    """No growth rather than any; nor of what would have doubled in a frame."""
+    assert growth(zoomed(1.0), DrawnVideo(seed=5).frame(None)) is None
+    blank = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
+    assert growth(blank, blank) is None
+    assert growth(zoomed(1.0), zoomed(1.3)) is None
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 40, 3), (240, 320, 3)])
+@pytest.mark.parametrize('center', [(0.0, 0.0), (-300.0, 5.0), (1e4, 1e4)])
+def test_a_target_beyond_the_frame_says_nothing_and_does_no_harm(shape, center):
+    """Nor does one of a single pixel."""
+    frame = np.random.default_rng(0).integers(256, size=shape, dtype=np.uint8)
+    for size in (TARGET, (1.0, 1.0)):
+        assert growth(frame, frame, center, size) is None
