@@ -24,6 +24,7 @@ from sequences import interval
 from shared_sequences import folder_sequences, half_of, HALVES, options
 
 from vtrack_ros.appearance.camera_motion import CameraMotion
+from vtrack_ros.appearance.target_flow import TargetFlow
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.metrics import overlaps, success_auc
@@ -35,6 +36,7 @@ from vtrack_ros.localisation import global_search, guided_search, hypotheses, ta
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.guided_search import GuidedSearch
+from vtrack_ros.localisation.presence import PresenceDetector
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.trackers import create_tracker
 
@@ -80,6 +82,10 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
         patch.object(hypotheses.Hypotheses, '_questionable', lambda self: False)],
     "the second model's size": lambda: [
         patch.object(hypotheses.Hypotheses, 'estimate', _of_leader)],
+    'the flow of its points': lambda: [
+        patch.object(TargetFlow, 'growth', lambda self, frame: None)],
+    'trust in presence': lambda: [
+        patch.object(PresenceDetector, 'is_sure', lambda self, *_: False)],
     'the share of the first frame': lambda: [
         patch.object(target_model, '_FIRST_IN_FILTER', 0.0),
         patch.object(target_model, '_FIRST_IN_SCALE', 0.0)],

@@ -55,9 +55,11 @@ class TargetFlow:
         self._rows, self._columns = (
             max(_SMALLEST, round(zoom * length)) for length in (window.height, window.width))
         self._picture = self._sampled(frame)
+        # about the picture's middle, to a quarter of a sample: places that differ by rounding alone
+        # have the same flow
         steps = _COVERED * ((np.arange(_POINTS) + 0.5) / _POINTS - 0.5)
-        x = (center[0] - window.left + steps * size[0]) * self._columns / window.width - 0.5
-        y = (center[1] - window.top + steps * size[1]) * self._rows / window.height - 0.5
+        x, y = (np.rint(4 * samples * (0.5 + steps * length / (length + around))) / 4 - 0.5
+                for samples, length in zip((self._columns, self._rows), size))
         self._points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 1, 2).astype(np.float32)
 
     def growth(self, frame: Frame) -> float | None:
@@ -69,16 +71,39 @@ class TargetFlow:
         followed = found & returned & (away < _CAME_BACK)
         if followed.mean() < _AGREEING:
             return None
-        similarity, agreeing = cv2.estimateAffinePartial2D(
-            points[followed], there[followed], method=cv2.RANSAC, ransacReprojThreshold=_AGREES)
-        if similarity is None or agreeing.sum() < _AGREEING * len(points):
+        growth, agreeing = _scale(_complex(points[followed]), _complex(there[followed]))
+        if agreeing < _AGREEING * len(points):
             return None
-        growth = math.hypot(similarity[0, 0], similarity[1, 0])
         return growth if _LEAST < abs(math.log(max(growth, 1e-6))) < _LARGEST else None
 
     def _sampled(self, frame: Frame) -> Frame:
         pixels = self._window.sampled(frame, self._rows, self._columns)
         return cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
+
+
+def _complex(points: NDArray[np.float32]) -> NDArray[np.complex128]:
+    """Return points, shape (N, 1, 2), as complex numbers, shape (N,): x is the real part."""
+    return points.astype(np.float64).view(np.complex128).reshape(-1)
+
+
+def _scale(before: NDArray[np.complex128], after: NDArray[np.complex128]) -> tuple[float, int]:
+    """
+    Return the scale of the similarity transform that most points agree on, and how many do.
+
+    A consensus over pairs of points that are far apart on the grid, always the same ones [Fischler
+    and Bolles 1981], and a least-squares fit to those that agree. OpenCV's own differs between
+    its versions.
+    """
+    count = len(before)
+    first, second = np.concatenate([
+        np.stack([np.arange(count - step), np.arange(step, count)])
+        for step in (count // 4, count // 3, count // 2)], axis=1)
+    turned = (after[second] - after[first]) / (before[second] - before[first])
+    moved = after[first] - turned * before[first]
+    agree = np.abs(turned[:, None] * before + moved[:, None] - after) < _AGREES
+    agrees = agree[int(agree.sum(axis=1).argmax())]
+    own, its = (points[agrees] - points[agrees].mean() for points in (before, after))
+    return float(abs(np.vdot(own, its)) / np.vdot(own, own).real), int(agrees.sum())
 
 
 def _followed(before: Frame, after: Frame, points: NDArray[np.float32],
