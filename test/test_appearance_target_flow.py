@@ -13,8 +13,9 @@ VIDEO = DrawnVideo(seed=1)
 def zoomed(factor, shift=(0.0, 0.0)):
     """Return the drawn frame, zoomed about the target and moved, in pixels."""
     x, y = ((1 - factor) * (place - 0.5) + step for place, step in zip(START, shift))
-    return cv2.warpAffine(VIDEO.frame(START, noise=0.0), np.array([[factor, 0, x], [0, factor, y]]),
-                          SIZE, borderMode=cv2.BORDER_REFLECT)
+    matrix = np.array([[factor, 0, x], [0, factor, y]])
+    return cv2.warpAffine(
+        VIDEO.frame(START, noise=0.0), matrix, SIZE, borderMode=cv2.BORDER_REFLECT)
 
 
 def growth(first, second, center=START, size=TARGET):

@@ -68,7 +68,8 @@ def test_a_target_that_goes_away_and_changes_its_look_is_followed(name, seed):
     rng = np.random.default_rng(seed)
     ground = texture(SIZE[::-1], [(90, 110, 90), (130, 130, 120), (140, 150, 150)], 12, rng)
     before, after = (texture((88, 106), colours, 18, rng).astype(np.float32) for colours in (
-        [(20, 20, 200), (0, 220, 255), (10, 10, 40)], [(200, 30, 30), (40, 40, 90), (0, 220, 255)]))
+        [(20, 20, 200), (0, 220, 255), (10, 10, 40)],
+        [(200, 30, 30), (40, 40, 90), (0, 220, 255)]))
     tracker = create_tracker(name, seed=seed)
     for step in range(80):
         share, zoom = 0.5 * min(step / 12, 1.0), np.exp(-0.016 * step)

@@ -55,8 +55,8 @@ class TargetFlow:
         self._rows, self._columns = (
             max(_SMALLEST, round(zoom * length)) for length in (window.height, window.width))
         self._picture = self._sampled(frame)
-        # about the picture's middle, to a quarter of a sample: places that differ by rounding alone
-        # have the same flow
+        # about the picture's middle, to a quarter of a sample: places that differ by rounding
+        # alone have the same flow
         steps = _COVERED * ((np.arange(_POINTS) + 0.5) / _POINTS - 0.5)
         x, y = (np.rint(4 * samples * (0.5 + steps * length / (length + around))) / 4 - 0.5
                 for samples, length in zip((self._columns, self._rows), size))
