@@ -1,0 +1,72 @@
+"""
+Accuracy from other frames than the first one: figures that no choice of a constant was made by.
+
+`python benchmarks/starts.py [--trackers gmpf,dcf]` follows each target of the shared sequences
+from eight starts: forwards from the first frame and from 15, 30, 45 and 60 % of it, backwards from
+the last frame and from 80 and 60 %. It prints the mean AUC of the halves, from the first frame and
+from the other starts, and how much it's above that of the last tracker named.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+import sys
+
+import numpy as np
+from result_files import interval_text
+from sequences import interval
+from shared_sequences import folder_sequences, half_of, HALVES, options
+
+from vtrack_ros.cli.progress import ProgressBar
+from vtrack_ros.evaluation import evaluate, FolderSequence, parse_trackers
+from vtrack_ros.evaluation.cache import default_folder, RunCache
+
+FORWARDS, BACKWARDS = (0.0, 0.15, 0.3, 0.45, 0.6), (1.0, 0.8, 0.6)
+
+
+def started(one: FolderSequence) -> list[FolderSequence]:
+    """Return a sequence from each start on, the first one first, where its target is there."""
+    count = len(one)
+    orders = [np.arange(int(start * count), count) for start in FORWARDS]
+    orders += [np.arange(int(start * count))[::-1] for start in BACKWARDS]
+    result = []
+    for index, order in enumerate(orders):
+        order = order[int(np.isfinite(one.truth[order]).all(axis=1).argmax()):]
+        result.append(replace(one, name=f'{one.name}.start{index}', truth=one.truth[order],
+                              images=tuple(one.images[at] for at in order)))
+    return result
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = options(__doc__)
+    parser.add_argument('--trackers', default='gmpf,dcf')
+    parser.add_argument('--seeds', type=int, default=1)
+    arguments = parser.parse_args()
+    sequences, broken = folder_sequences(arguments.sequences, arguments.frames or None)
+    results = evaluate(
+        parse_trackers(arguments.trackers), [each for one in sequences for each in started(one)],
+        arguments.seeds, arguments.jobs, ProgressBar('starts'), RunCache(default_folder()))
+    for half in HALVES:
+        for title, first in (('first frame', True), ('other starts', False)):
+            scores: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+            for name, row in results.by_sequence.items():
+                target, start = name.rsplit('.start', 1)
+                if half_of(target) == half and (start == '0') is first:
+                    for tracker, values in row.items():
+                        scores[tracker][target].append(values['auc'])
+            means = {tracker: np.array([np.mean(each) for each in targets.values()])
+                     for tracker, targets in scores.items()}
+            base = list(means)[-1]
+            for tracker, mean in means.items():
+                above = '' if tracker == base else (
+                    f', above {base} {interval_text(interval(mean - means[base]))}')
+                print(f'{half}, {title}: {tracker} {mean.mean():.3f}{above}')
+    for problem in [*broken.values(), *results.problems]:
+        print(f'failed: {problem}', file=sys.stderr)
+    return 1 if broken or results.problems else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
