@@ -93,7 +93,7 @@ class GuidedSearch:
         target = self._target
         self._start = target.center
         self._shift = self._camera.update(frame)
-        self._grow(frame)
+        self._grow(frame, dt)
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
@@ -125,13 +125,16 @@ class GuidedSearch:
             own = (step - self._shift) / dt
             self._own_velocity = (1 - _VELOCITY_RATE) * self._own_velocity + _VELOCITY_RATE * own
 
-    def _grow(self, frame: Frame) -> None:
-        """Let the target grow as its own points do, if it was seen in the frame before."""
+    def _grow(self, frame: Frame, dt: float) -> None:
+        """Let the target grow as its own points do, if it was seen, and no distractor is near."""
         target = self._target
-        if target.network is None and not self._hidden and not target.unseen_frames:
-            growth = self._flow.growth(frame)
-            if growth is not None:
-                target.grow(growth)
+        if target.network is not None or target.unseen_frames:
+            return
+        if self._distractors.near(self._start, _NEAR * self._side, dt):
+            return
+        growth = self._flow.growth(frame)
+        if growth is not None:
+            target.grow(growth)
 
     @property
     def _side(self) -> float:
