@@ -1,6 +1,7 @@
 """The executable `tracker`: one target, followed through sensor_msgs/Image."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 import os
 import signal
@@ -124,7 +125,9 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
             node.destroy_node()
-        rclpy.try_shutdown()
+        # the signal's own thread may end the context between rclpy's look at it and its call
+        with suppress(rcl.RCLError):
+            rclpy.try_shutdown()
     return 0
 
 
