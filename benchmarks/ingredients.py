@@ -24,7 +24,7 @@ from sequences import interval
 from shared_sequences import folder_sequences, half_of, HALVES, options
 
 from vtrack_ros.appearance.camera_motion import CameraMotion
-from vtrack_ros.appearance.target_flow import TargetFlow
+from vtrack_ros.appearance.target_flow import TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.metrics import overlaps, success_auc
@@ -32,7 +32,8 @@ from vtrack_ros.evaluation.results_json import environment
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
-from vtrack_ros.localisation import global_search, guided_search, hypotheses, target_model
+from vtrack_ros.localisation import (
+    global_search, guided_search, hypotheses, localiser, redetection, target_model)
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.guided_search import GuidedSearch
@@ -61,7 +62,7 @@ def _of_leader(self: Any, *values: Any, **named: Any) -> Any:
 
 
 def _unsearched(self: Any, frame: Any, live: Any, similarity: float, peak: float, dt: float,
-                search: bool = True) -> Any:
+                search: bool = True, seen: bool = False) -> Any:
     return _update(self, frame, live, similarity, peak, dt, search=False)
 
 
@@ -82,8 +83,13 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
         patch.object(hypotheses.Hypotheses, '_questionable', lambda self: False)],
     "the second model's size": lambda: [
         patch.object(hypotheses.Hypotheses, 'estimate', _of_leader)],
-    'the flow of its points': lambda: [
-        patch.object(TargetFlow, 'growth', lambda self, frame: None)],
+    'growth by the flow of its points': lambda: [patch.object(TargetMotion, 'growth', None)],
+    'where its points went': lambda: [patch.object(guided_search, '_FAR', math.inf)],
+    'who is seen is left only for what is near': lambda: [
+        patch.object(redetection, '_EXCHANGED', math.inf)],
+    'the least usual response and similarity': lambda: [
+        patch.object(localiser, '_FIRST_RESPONSE', 0.0),
+        patch.object(localiser, '_FIRST_SIMILARITY', 0.0)],
     'trust in presence': lambda: [
         patch.object(PresenceDetector, 'is_sure', lambda self, *_: False)],
     'the share of the first frame': lambda: [

@@ -2,10 +2,11 @@
 
 import math
 
-from drawn_video import box_at, DrawnVideo, START, TARGET
+from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
 
+from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.guided_search import strong
@@ -94,6 +95,36 @@ def test_a_double_that_passes_in_front_is_not_followed(name, velocity):
         kept += estimate.box.iou(box_at(center)) > 0.7
         assert estimate.state is TrackState.TRACKING
     assert kept >= 5
+
+
+def beside_its_first_look(seed, frames=30, changing=6):
+    """Return frames, and the box, of a target that changes; then its first look is beside it."""
+    rng = np.random.default_rng(seed)
+    ground = texture(SIZE[::-1], [(90, 110, 90), (130, 130, 120), (140, 150, 150)], 12, rng)
+    first, last = (texture(TARGET[::-1], colours, 8, rng).astype(np.float32) for colours in (
+        [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)],
+        [(200, 30, 30), (40, 40, 90), (0, 220, 255)]))
+    box, (width, height) = Box(100, 100, *TARGET), TARGET
+    images = []
+    for index in range(frames):
+        share = 0.6 * min(index / changing, 1.0)
+        image = ground.astype(np.float32)
+        image[100:100 + height, 100:100 + width] = (1 - share) * first + share * last
+        if index >= changing:
+            image[100:100 + height, 150:150 + width] = first
+        image += 2 * rng.standard_normal(image.shape)
+        images.append(np.clip(image, 0, 255).astype(np.uint8))
+    return images, box
+
+
+@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf'])
+def test_what_appears_beside_the_target_and_looks_more_like_it_is_not_followed(name):
+    """Its own points stay, so it hasn't gone there; a response knows of looks alone."""
+    for seed in range(4):
+        images, box = beside_its_first_look(seed)
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(images[0], box)
+        assert min(tracker.update(image).box.iou(box) for image in images[1:]) > 0.5
 
 
 def test_while_a_double_hides_it_the_particles_spread():

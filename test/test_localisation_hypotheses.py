@@ -27,7 +27,7 @@ def follow(path, frame_of=VIDEO.frame, dt=1.0):
     for center in path[1:]:
         frame = frame_of(center)
         found = search.search(frame, dt)
-        search.follow(frame, dt, target.update(frame, found.response, found.place, dt))
+        search.follow(dt, target.update(frame, found.response, found.place, dt))
     return target, search, found
 
 

@@ -8,9 +8,8 @@ from drawn_video import DrawnVideo, TARGET
 import numpy as np
 import pytest
 
-from vtrack_ros.localisation.localiser import VelocityEstimate
 from vtrack_ros.localisation.presence import has_failed, InitialTemplate
-from vtrack_ros.localisation.redetection import Redetection
+from vtrack_ros.localisation.redetection import Redetection, VelocityEstimate
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
@@ -138,6 +137,17 @@ def test_no_jump_to_what_would_not_be_taken_for_the_target(known, similarity, ju
     verdict = redetection.update(frame, snapshot, 0.01, 0.5, 1.0)
     assert verdict.elsewhere is jumps
     assert (verdict.live.center == HERE) is not jumps
+
+
+@pytest.mark.parametrize('frames, seen, jumps', [
+    (10, False, True), (10, True, True), (36, False, True), (36, True, False)])
+def test_who_is_seen_is_not_left_for_a_place_far_away(known, frames, seen, jumps):
+    """Only near, where the two may have been taken for each other: 1.3 sides away, not 4.9."""
+    snapshot, template = known
+    place = HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames
+    verdict = search(snapshot, template, (5.0, 3.0), frames - 1.0).update(
+        VIDEO.frame(place), snapshot, 0.01, 0.5, 1.0, seen=seen)
+    assert verdict.elsewhere is jumps
 
 
 @pytest.mark.parametrize('here, jumps', [(0.1, False), (0.08, True)])

@@ -199,3 +199,17 @@ def test_a_featureless_target_is_not_said_to_be_tracked(name, noise):
     assert TrackState.SEARCHING in states and states.count(TrackState.TRACKING) <= 1
     assert np.mean([estimate.confidence for estimate in estimates[6:]]) < 0.5
     assert all(np.isfinite(estimate.covariance).all() for estimate in estimates)
+
+
+@pytest.mark.parametrize('name', ['dcf', 'gmpf', 'pqkpf', 'abmspf', 'pf'])
+def test_a_target_that_darts_off_in_the_second_frame_is_found(name):
+    """Beyond the window: what's there now isn't what is usual of the target."""
+    path = [START, (START[0] + 80.0, START[1] + 70.0)]
+    found = 0
+    for seed in range(6):
+        video = DrawnVideo(seed=seed)
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(video.frame(path[0]), box_at(path[0]))
+        found += any(tracker.update(video.frame(path[1])).box.iou(box_at(path[1])) > 0.5
+                     for _ in range(40))
+    assert found >= 5

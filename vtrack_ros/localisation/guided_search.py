@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from vtrack_ros.appearance.camera_motion import CameraMotion
-from vtrack_ros.appearance.target_flow import TargetFlow
+from vtrack_ros.appearance.target_flow import TargetFlow, TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.distractors import Distractors
@@ -35,6 +35,12 @@ _DISTRACTING, _APART_FROM = 0.45, 0.2
 #: hides it if only one of them is seen, within a distance from where it's expected, for so many
 #: frames at most.
 _NEAR, _MEETING, _SEEN, _HIDDEN = 0.75, 0.35, 0.3, 8
+#: Growth is measured in every so manieth frame, in turns with the scale regression, and in as many
+#: frames after one in which the target grew.
+_GROWTH_EVERY = 4
+#: Where the target was found further than that from where it's expected, in sides, its points tell
+#: whether it went there.
+_FAR = 0.4
 #: Share of the usual response that makes a factor of e in the likelihood.
 _TEMPERATURE = 0.07
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
@@ -70,7 +76,9 @@ class GuidedSearch:
     believed whose response and whose place are the most probable together: the target's double
     answers as well, but isn't where the target has to be. Doubles are followed too, and maxima
     where one of those is expected aren't the target; while one passes before it, it goes on as
-    expected. Before all that the target has grown as the flow of its own points says.
+    expected. The flow of the target's own points has a say as well: before it's searched it has
+    grown as they part, and where it would be found far from where it's expected, but they went
+    elsewhere together, it's there.
     """
 
     _found: Found
@@ -78,7 +86,11 @@ class GuidedSearch:
     def __init__(self, frame: Frame, target: Hypotheses) -> None:
         self._target = target
         self._camera = CameraMotion(frame)
-        self._flow = TargetFlow(frame, target.center, target.size)
+        #: Of the target's points in the last frame, if it was seen there; what they did since.
+        self._flow: TargetFlow | None = self._seen_flow()
+        self._motion: TargetMotion | None = None
+        #: How many frames there were, and for how many more growth is measured in each.
+        self._frames = self._growing = 0
         self._mixture = ForecastMixture()
         self._start = target.center
         self._forecasts: dict[str, Point] = {}
@@ -103,16 +115,16 @@ class GuidedSearch:
         every = sorted(((place, response, value) for response in maps
                         for place, value in maxima(response, _DISTRACTING)),
                        key=lambda each: -each[2])[:_MAXIMA]
-        self._found = self._identified(maps[0], every, expected, dt)
+        found = self._identified(maps[0], every, expected, dt)
+        self._found = self._confirmed(frame, found, expected)
         if target.network is None:
             self._follow_distractors(frame, every, dt)
         return self._found
 
-    def follow(self, frame: Frame, dt: float, elsewhere: bool) -> None:
+    def follow(self, dt: float, elsewhere: bool) -> None:
         """Learn from where the target is now, unless that is `elsewhere`, or it isn't seen."""
         target = self._target
-        if not target.unseen_frames:
-            self._flow.remember(frame, target.center, target.size)
+        self._flow = None if elsewhere else self._seen_flow()
         if elsewhere or not target.is_followed:
             self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
             return
@@ -126,15 +138,46 @@ class GuidedSearch:
             self._own_velocity = (1 - _VELOCITY_RATE) * self._own_velocity + _VELOCITY_RATE * own
 
     def _grow(self, frame: Frame, dt: float) -> None:
-        """Let the target grow as its own points do, if it was seen, and no distractor is near."""
-        target = self._target
-        if target.network is not None or target.unseen_frames:
+        """Let the target grow as its own points part, if no distractor is near."""
+        self._motion = None
+        self._frames += 1
+        if not (self._growing > 0 or self._frames % _GROWTH_EVERY == _GROWTH_EVERY // 2):
             return
         if self._distractors.near(self._start, _NEAR * self._side, dt):
             return
-        growth = self._flow.growth(frame)
+        points = self._points(frame)
+        growth = None if points is None else points.growth
+        self._growing -= 1
         if growth is not None:
-            target.grow(growth)
+            self._growing = _GROWTH_EVERY
+            self._target.grow(growth)
+
+    def _seen_flow(self) -> TargetFlow | None:
+        """Return what tells where the target's points go from here, if it's seen here."""
+        target = self._target
+        return None if target.network is not None or target.unseen_frames else target.flow
+
+    def _points(self, frame: Frame) -> TargetMotion | None:
+        """Return what the target's points did since the last frame, if it was seen there."""
+        if self._motion is None and self._flow is not None:
+            self._motion = self._flow.motion(frame)
+        return self._motion
+
+    def _confirmed(self, frame: Frame, found: Found, expected: Point) -> Found:
+        """Return where the target is: where it was found, or where its points went instead."""
+        target, far = self._target, _FAR * self._side
+        if found.hidden or target.uncertain or math.dist(found.place, expected) <= far:
+            return found
+        points = self._points(frame)
+        if points is None or points.step is None:
+            return found
+        went = inside(_moved(self._start, points.step), frame)
+        if math.dist(found.place, went) <= far:
+            return found
+        response = target.localise(frame, went)
+        place = response.local_maximum(went)
+        return replace(found, response=response,
+                       place=place if math.dist(place, went) <= far else went)
 
     @property
     def _side(self) -> float:

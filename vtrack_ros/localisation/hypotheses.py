@@ -9,6 +9,7 @@ import numpy as np
 
 from vtrack_ros.appearance.siamese_network import (
     EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
+from vtrack_ros.appearance.target_flow import TargetFlow
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.localiser import Localiser
@@ -147,6 +148,11 @@ class Hypotheses:
     def unseen_frames(self) -> float:
         """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
         return self._leader.unseen_frames
+
+    @property
+    def flow(self) -> TargetFlow:
+        """Return what tells where the target's points go; see `Localiser.flow`."""
+        return self._leader.flow
 
     def localise(self, frame: Frame, center: Point) -> ResponseMap:
         """Return the response about a place, in pixels; nothing changes."""

@@ -1,6 +1,7 @@
 """Re-detection: how a target is searched and found again after a tracking failure."""
 
 from dataclasses import dataclass, replace
+import math
 
 import numpy as np
 
@@ -22,10 +23,15 @@ _ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
 #: A jump needs this much more similarity, and that often while the present place is plausible.
 _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
+#: Who is seen, and yet isn't the target, was taken for it where the two met: no further from it,
+#: in sides, than that.
+_EXCHANGED = 1.5
 #: Windows searched in a frame.
 _SEARCHES = 2
 #: A place is worth verifying where the response has this share of the usual one.
 _WORTH_VERIFYING = 0.5
+#: Weight of the latest step in the velocity.
+_VELOCITY_RATE = 0.3
 #: The target is searched on its straight way on for that long.
 _EXTRAPOLATED_FRAMES = 60
 #: By which factor the size of a target may change that isn't certain.
@@ -89,12 +95,13 @@ class Redetection:
         return known / _DRIFT, known * _DRIFT
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
-               dt: float, search: bool = True) -> Verdict:
+               dt: float, search: bool = True, seen: bool = False) -> Verdict:
         """
         Judge the live place, and search with the snapshot, unless not wanted.
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
-        template, `peak` the highest response about it.
+        template, `peak` the highest response about it. A target that was `seen` there in the last
+        frame isn't left for a place far away, where a model that learns isn't surer than here.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -110,7 +117,7 @@ class Redetection:
             return Verdict(live, similarity, over=True)
         if not search:
             return Verdict(live, similarity)
-        candidates = self._candidates(frame, live.center)
+        candidates = self._candidates(frame, live.center, seen)
         best = max(candidates, key=lambda one: one.similarity, default=None)
         least = max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
         if best is None or best.similarity < least:
@@ -132,7 +139,7 @@ class Redetection:
         return Verdict(replace(live, center=best.center), best.similarity, elsewhere=True,
                        sharpness=best.sharpness)
 
-    def _candidates(self, frame: Frame, live: Point) -> list[Candidate]:
+    def _candidates(self, frame: Frame, live: Point, seen: bool) -> list[Candidate]:
         """Return what is worth a jump, of the places to search in this frame."""
         snapshot, candidates = self._snapshot, []
         for place in self._places(frame):
@@ -141,7 +148,8 @@ class Redetection:
                 continue
             center = inside(response.center, frame)
             away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
-            if not away.any():
+            far = math.dist(center, live) > _EXCHANGED * math.sqrt(math.prod(snapshot.size))
+            if not away.any() or (seen and far and snapshot.model.LEARNS):
                 continue
             window = snapshot.model.layout.window(frame, center, snapshot.size)
             similarity = snapshot.model.credibility(
@@ -181,3 +189,29 @@ class Redetection:
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
         row, column = divmod(int(colour.argmax()), colour.shape[1])
         return float(column * stride), float(row * stride)
+
+
+class VelocityEstimate:
+    """
+    The running mean of a target's velocity, [px/frame], while it's tracked.
+
+    Each step is taken when the next one begins: by then a tracker that turns the frame has put
+    its end right.
+    """
+
+    def __init__(self, velocity: Point = (0.0, 0.0)) -> None:
+        self.velocity = velocity
+        self._latest: tuple[Point, float] | None = None
+
+    def begin(self, center: Point, dt: float) -> None:
+        """Begin a step of `dt` frames at a place, in pixels, where the one before it ended."""
+        if self._latest is not None:
+            start, duration = self._latest
+            x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / duration
+                    for velocity, now, then in zip(self.velocity, center, start))
+            self.velocity = x, y
+        self._latest = center, dt
+
+    def interrupt(self) -> None:
+        """Take the step that has begun for none: the target isn't tracked any more."""
+        self._latest = None

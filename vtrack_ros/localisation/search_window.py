@@ -58,6 +58,13 @@ class SearchWindow(Grid):
     colours: Colours
     spectrum: Spectrum
 
+    @property
+    def pixels(self) -> PixelWindow:
+        """Return which part of the frame it is."""
+        width, height = self.cell
+        return PixelWindow.about(
+            self.center, (width * self.layout.columns, height * self.layout.rows))
+
     def sample_at(self, shift: Point) -> Point:
         """Return a place in `grey`, from its place from the window's centre in cells."""
         return (_CELL * (self.layout.columns / 2 + shift[0]),

@@ -160,6 +160,8 @@ class SiameseLocaliser(Localiser):
         super().__init__(frame, center, size, rng)
         self._first_model = SiameseModel.beside(self._live.model, network, frame, center, size)
         self._live = replace(self._live, model=self._first_model)
+        # those are of the correlation filter's responses
+        self._least_usual = 0.0, 0.0
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
                  dt: float) -> TargetSnapshot:

@@ -76,7 +76,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
         elsewhere = localiser.update(frame, response, center, dt, found.hidden)
-        self._search.follow(frame, dt, elsewhere)
+        self._search.follow(dt, elsewhere)
         if elsewhere:
             # what was drawn and found about the old place says nothing of the new one
             self._velocity, covariance = np.zeros(2), np.zeros((4, 4))

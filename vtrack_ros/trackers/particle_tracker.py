@@ -94,7 +94,7 @@ class ParticleTracker(LocalisedTracker):
             proposed, None if found.hidden else likelihood, dt).weights.values
         mean = weights @ boxes
         elsewhere = localiser.update(frame, response, found.place, dt, found.hidden)
-        self._search.follow(frame, dt, elsewhere)
+        self._search.follow(dt, elsewhere)
         if elsewhere:
             return self._restart()
         self._correct(mean[:2])
