@@ -19,7 +19,8 @@ about a place, decides for a place (with its filter, its particles, or none), an
 `Hypotheses` are two localisers of one target, of which the more credible leads; it's asked and
 told like one. `GuidedSearch` asks it at the places that forecasts point to, and chooses among what
 it finds by motion and response; `Distractors` are what it finds that looks like the target, and
-isn't.
+isn't. Where the choice is far from what was expected, the target's points, followed by optical
+flow, tell whether it went there; they tell its growth, too.
 
 `search_window` has the window and the response over it, `target_model` what is known of the target
 (correlation filter, colours, scale), `presence` judges whether it's there, `redetection` searches
