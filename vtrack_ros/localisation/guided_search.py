@@ -103,7 +103,8 @@ class GuidedSearch:
     def search(self, frame: Frame, dt: float, own: Point | None = None) -> Found:
         """Return where the target is; `own` is the tracker's own forecast, in pixels."""
         target = self._target
-        self._start = target.center
+        self._start, self._motion = target.center, None
+        self._frames += 1
         self._shift = self._camera.update(frame)
         self._grow(frame, dt)
         self._forecasts = self._forecast(dt, own)
@@ -139,15 +140,13 @@ class GuidedSearch:
 
     def _grow(self, frame: Frame, dt: float) -> None:
         """Let the target grow as its own points part, if no distractor is near."""
-        self._motion = None
-        self._frames += 1
-        if not (self._growing > 0 or self._frames % _GROWTH_EVERY == _GROWTH_EVERY // 2):
+        if not (self._growing or self._frames % _GROWTH_EVERY == _GROWTH_EVERY // 2):
             return
         if self._distractors.near(self._start, _NEAR * self._side, dt):
             return
         points = self._points(frame)
         growth = None if points is None else points.growth
-        self._growing -= 1
+        self._growing = max(self._growing - 1, 0)
         if growth is not None:
             self._growing = _GROWTH_EVERY
             self._target.grow(growth)

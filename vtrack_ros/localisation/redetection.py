@@ -101,7 +101,7 @@ class Redetection:
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame isn't left for a place far away, where a model that learns isn't surer than here.
+        frame is left only for a place near it; a model that doesn't learn may go further.
         """
         usual = live.usual_response
         live = live.followed(peak)
