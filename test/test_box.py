@@ -29,3 +29,14 @@ def test_what_is_no_size(size, words):
     """A box has an area."""
     with pytest.raises(ValueError, match=words):
         Box(1, 2, 3, size)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.4, -1.0, np.pi / 2, 3.0])
+def test_the_box_around_a_turned_ellipse(angle):
+    """It touches the ellipse on all sides: the extremes of its points."""
+    around = np.linspace(0, 2 * np.pi, 10001)
+    x, y = 20 * np.cos(around), 7 * np.sin(around)
+    xs, ys = np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y
+    box = Box.around_ellipse((100.0, 80.0), (40.0, 14.0), angle)
+    assert box.center == pytest.approx((100, 80))
+    assert (box.width, box.height) == pytest.approx((np.ptp(xs), np.ptp(ys)), abs=1e-4)

@@ -45,6 +45,25 @@ def test_truth_moves_along(square, kind, severity):
         assert 1 <= (jumps > 0).sum() <= 2
 
 
+def test_the_picture_rolls_about_the_target(square):
+    """A square stays where it is, turns to and fro, and keeps its area; so does its box."""
+    made = stress(square, 'roll', 45)
+    assert made.truth[0].tolist() == list(truth_of(0))
+    widths = []
+    for frame, box, before in zip(made.frames, made.truth, square.truth):
+        assert box == pytest.approx(before)
+        x, y, width, height = red(frame)
+        assert (x + width / 2, y + height / 2) == pytest.approx(box[:2] + box[2:] / 2, abs=1.5)
+        widths.append(width)
+    assert widths[0] == SIZE and max(widths) == pytest.approx(SIZE * np.sqrt(2), abs=3)
+    assert min(widths[-4:]) < SIZE * 1.3
+    flat = replace(square, truth=square.truth * [1, 1, 1, 0.5])
+    rolled = stress(flat, 'roll', 90).truth
+    assert rolled[rolled[:, 2].argmin(), 2:] == pytest.approx([SIZE / 2, SIZE], abs=0.2)
+    assert rolled[:, :2] + rolled[:, 2:] / 2 == pytest.approx(
+        flat.truth[:, :2] + flat.truth[:, 2:] / 2)
+
+
 def test_resolution(square):
     """The picture and the truth shrink alike."""
     made = stress(square, 'resolution', 2)

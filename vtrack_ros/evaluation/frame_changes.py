@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.frame import Array, Frame
+from vtrack_ros.geometry.affine import rotation
 
 #: Of an ellipse's radius, the outer share over which a cut-out fades.
 _FEATHER = 0.3
@@ -22,6 +23,15 @@ def shifted(frame: Frame, offset: Iterable[int]) -> Frame:
     matrix = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
     height, width = frame.shape[:2]
     return _pixels(cv2.warpAffine(frame, matrix, (width, height), flags=cv2.INTER_NEAREST,
+                                  borderMode=cv2.BORDER_REPLICATE))
+
+
+def rolled(frame: Frame, center: Array, angle: float) -> Frame:
+    """Return a frame turned about a centre (x, y), its border repeated; the angle is in rad."""
+    linear, middle = rotation(np.asarray(angle)), center - 0.5
+    matrix = np.column_stack([linear, middle - linear @ middle])
+    height, width = frame.shape[:2]
+    return _pixels(cv2.warpAffine(frame, matrix, (width, height), flags=cv2.INTER_LINEAR,
                                   borderMode=cv2.BORDER_REPLICATE))
 
 

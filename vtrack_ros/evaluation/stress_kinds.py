@@ -12,9 +12,12 @@ from vtrack_ros.evaluation.metrics import present
 from vtrack_ros.evaluation.stress_plan import (
     edited, Footage, Frames, moved, now_and_then, room, StressPlan, stretches, thinned)
 from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import affine
 
 #: Frames of one gap and of what is left around it, together.
 GAP_PERIOD = 25
+#: Frames of a roll to both sides, at least and at most.
+_ROLL = 60, 100
 #: Frames in which the target is seen between being hidden twice.
 _SEEN = 50
 #: Frames in which an occluder comes, and goes.
@@ -76,6 +79,21 @@ def _jumps(footage: Footage, severity: float, rng: np.random.Generator) -> Stres
             place = places[np.argmin(np.round(away, 6))]
         offsets[begin:end] = place
     return moved(footage, offsets)
+
+
+def _roll(footage: Footage, severity: float, rng: np.random.Generator) -> StressPlan:
+    """Turn to and fro about the target, whose box then bounds the ellipse in it."""
+    side, period = rng.choice([-1.0, 1.0]), rng.uniform(*_ROLL)
+    phases = 2 * math.pi * np.arange(len(footage.truth)) / period
+    angles = side * math.radians(severity) * np.sin(phases)
+    sizes = footage.truth[:, 2:]
+    linear = affine.rotation(angles) * sizes[:, None]
+    truth = footage.truth.copy()
+    truth[:, 2:] = np.linalg.norm(linear, axis=-1)
+    truth[:, :2] += (sizes - truth[:, 2:]) / 2
+    centers = footage.boxes[:, :2] + footage.boxes[:, 2:] / 2
+    return edited(footage, lambda index, frame, rng: change.rolled(
+        frame, centers[index], angles[index]), truth)
 
 
 def _hidden(footage: Footage, severity: float, rng: np.random.Generator) -> StressPlan:
@@ -171,6 +189,8 @@ _ALL = (
                'each frame is moved at random', _shake),
     StressKind('jumps', (0.5, 1.5, 3.0), 'jump [sides]',
                'every 15 to 35 frames the picture jumps, and stays there', _jumps),
+    StressKind('roll', (15, 30, 60), 'by up to [degrees]',
+               'the picture rolls to and fro about the target', _roll),
     StressKind('hidden', (10, 30, 60), 'frames hidden',
                f'a piece of the surroundings covers the whole target, {_SEEN} frames of sight in '
                'between', _hidden),

@@ -159,6 +159,15 @@ def from_vector(vector: Array) -> Array:
     return result
 
 
+def transformation(center: tuple[float, float], size: tuple[float, float],
+                   turn: float) -> Array:
+    """Return what maps the unit square about the origin onto a turned rectangle, (3, 3)."""
+    result = np.eye(3)
+    result[:2, :2] = rotation(np.asarray(turn)) * size
+    result[:2, 2] = center
+    return result
+
+
 def rotation(turn: Array) -> Array:
     """Return the matrices, shape (..., 2, 2), of rotations, [rad], of shape (...)."""
     cosine, sine = np.cos(turn), np.sin(turn)

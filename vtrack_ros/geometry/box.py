@@ -50,6 +50,19 @@ class Box:
         """Make the box of a given centre and size, all in pixels."""
         return cls(cx - width / 2, cy - height / 2, width, height)
 
+    @classmethod
+    def around_ellipse(cls, center: tuple[float, float], size: tuple[float, float],
+                       angle: float) -> Box:
+        """
+        Make the box around an ellipse in a rectangle of that centre and size, in pixels.
+
+        The rectangle is turned by an angle, [rad]. Few targets have corners: the box around a
+        round one doesn't grow when it turns.
+        """
+        (width, height), (cosine, sine) = size, (math.cos(angle), math.sin(angle))
+        return cls.from_center(*center, math.hypot(cosine * width, sine * height),
+                               math.hypot(sine * width, cosine * height))
+
     @property
     def center(self) -> tuple[float, float]:
         """Return the centre (x, y), in pixels."""
