@@ -23,8 +23,7 @@ from result_files import facts_text, interval_text
 from sequences import interval
 from shared_sequences import folder_sequences, half_of, HALVES, options
 
-from vtrack_ros.appearance.camera_motion import CameraMotion
-from vtrack_ros.appearance.target_flow import TargetMotion
+from vtrack_ros.appearance.image_motion import CameraMotion, TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.metrics import overlaps, success_auc
@@ -84,6 +83,7 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     "the second model's size": lambda: [
         patch.object(hypotheses.Hypotheses, 'estimate', _of_leader)],
     'growth by the flow of its points': lambda: [patch.object(TargetMotion, 'growth', None)],
+    'rotation by the flow of its points': lambda: [patch.object(TargetMotion, 'turn', None)],
     'where its points went': lambda: [patch.object(guided_search, '_FAR', math.inf)],
     'who is seen is left only for what is near': lambda: [
         patch.object(redetection, '_EXCHANGED', math.inf)],

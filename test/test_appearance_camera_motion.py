@@ -4,7 +4,7 @@ from drawn_video import texture
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.camera_motion import CameraMotion
+from vtrack_ros.appearance.image_motion import CameraMotion
 
 SCENE = texture((400, 520), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 25,
                 np.random.default_rng(2))

@@ -5,23 +5,25 @@ from drawn_video import DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.target_flow import TargetFlow
+from vtrack_ros.appearance.image_motion import TargetFlow
+from vtrack_ros.geometry import affine
 from vtrack_ros.localisation.search_window import WindowLayout
 
 VIDEO = DrawnVideo(seed=1)
 
 
-def zoomed(factor, shift=(0.0, 0.0)):
-    """Return the drawn frame, zoomed about the target and moved, in pixels."""
-    x, y = ((1 - factor) * (place - 0.5) + step for place, step in zip(START, shift))
-    matrix = np.array([[factor, 0, x], [0, factor, y]])
+def zoomed(factor, shift=(0.0, 0.0), turn=0.0):
+    """Return the drawn frame, zoomed and turned about the target and moved, in pixels."""
+    linear = factor * affine.rotation(np.asarray(turn))
+    middle = np.subtract(START, 0.5)
+    matrix = np.column_stack([linear, middle - linear @ middle + shift])
     return cv2.warpAffine(
         VIDEO.frame(START, noise=0.0), matrix, SIZE, borderMode=cv2.BORDER_REFLECT)
 
 
-def motion(first, second, center=START, size=TARGET):
+def motion(first, second, center=START, size=TARGET, angle=0.0):
     """Return what is told of two frames, by the window that a model sees."""
-    window = WindowLayout.around(*size).window(first, center, size)
+    window = WindowLayout.around(*size).window(first, center, size, angle)
     return TargetFlow(window.grey, window.pixels, center, size).motion(second)
 
 
@@ -90,6 +92,25 @@ def test_where_a_target_went_is_told_while_it_grows(shift, factor):
     """To half a pixel, of a target of 48 x 40 px."""
     step = motion(zoomed(1.0), zoomed(factor, shift)).step
     assert step == pytest.approx(shift, abs=0.5)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.7, -1.3])
+@pytest.mark.parametrize('shift', [(0.0, 0.0), (7.3, -4.6)])
+@pytest.mark.parametrize('turn', [0.03, -0.1, 0.13])
+def test_how_a_target_turned_is_told_wherever_it_went(turn, shift, angle):
+    """To a tenth of the turn, of one that had turned by an angle already; and where it went."""
+    found = motion(zoomed(1.0, (0.0, 0.0), angle), zoomed(1.03, shift, angle + turn), angle=angle)
+    assert found.turn == pytest.approx(turn, rel=0.12)
+    assert found.growth == pytest.approx(1.03, abs=0.008)
+    assert found.step == pytest.approx(shift, abs=0.5)
+
+
+def test_who_does_not_turn_is_left_as_it_is():
+    """Nor is anything told where nothing can be."""
+    assert motion(zoomed(1.0), zoomed(1.04, (6.0, 3.0))).turn is None
+    blank = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
+    assert motion(blank, blank).turn is None
+    assert motion(zoomed(1.0), zoomed(1.0, (0.0, 0.0), 0.7)).turn is None
 
 
 def test_no_step_is_told_where_the_points_part():

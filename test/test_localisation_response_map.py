@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from vtrack_ros.localisation import ResponseMap
-from vtrack_ros.localisation.search_window import SearchWindow, WindowLayout
+from vtrack_ros.localisation.search_window import Grid
 
 ROWS, COLUMNS, CELL = 20, 24, (5.0, 4.0)
 CENTER = 300.0, 200.0
@@ -24,12 +26,9 @@ def place(x, y):
     return CENTER[0] + x * CELL[0], CENTER[1] + y * CELL[1]
 
 
-def response(values):
+def response(values, angle=0.0):
     """Return the map of some values; what the window shows plays no part."""
-    nothing = np.zeros((1, 1), np.uint8)
-    window = SearchWindow(CENTER, CELL, WindowLayout(ROWS, COLUMNS, (2.0, 2.0)), (40.0, 40.0),
-                          nothing, nothing.astype(np.intp), np.zeros((1, 1, 1), np.complex64))
-    return ResponseMap(window, values)
+    return ResponseMap(Grid(CENTER, CELL, angle), values)
 
 
 @pytest.mark.parametrize('x, y', [(0.0, 0.0), (3.3, -2.2), (-5.4, 4.4)])
@@ -77,3 +76,20 @@ def test_sharpness_is_the_peak_to_sidelobe_ratio():
     assert response(values).sharpness == pytest.approx(
         (0.9 - sidelobe.mean()) / sidelobe.std(), rel=1e-4)
     assert response(np.zeros_like(values)).sharpness == 0
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.6, -2.5])
+def test_places_of_a_turned_window_turn_with_it(angle):
+    """Cells become places and places cells; a cell to the right is one along the angle."""
+    found = response(hill(3.3, -2.2, 1.0), angle)
+    along = found.window.at((1.0, 0.0))
+    assert along == pytest.approx((CENTER[0] + CELL[0] * math.cos(angle),
+                                   CENTER[1] + CELL[0] * math.sin(angle)))
+    assert found.center == pytest.approx(found.window.at((3.3, -2.2)), abs=1e-4)
+    places = CENTER + np.random.default_rng(0).uniform(-30, 30, (20, 2))
+    for place_, cells, value in zip(places, found.cells(places), found.sample(places)):
+        shift = found.window.shift(place_)
+        assert found.window.at(shift) == pytest.approx(place_)
+        assert cells - (COLUMNS // 2, ROWS // 2) == pytest.approx(shift)
+        assert found.place(cells) == pytest.approx(place_)
+        assert found.sample_one(place_) == pytest.approx(value, abs=1e-6)

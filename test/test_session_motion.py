@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.affine import transformation
 from vtrack_ros.session.motion_filter import LONGEST_FORECAST, Motion, MotionFilter
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.tracker import Estimate, TrackState
@@ -53,6 +54,20 @@ def test_constant_velocity_is_found():
     assert later.velocity == pytest.approx([90, -45, 0, 0], abs=0.5)
     assert later.covariance[4, 4] < first.covariance[4, 4] / 10
     assert later.box.center == pytest.approx(straight(40)[-1])
+
+
+def test_who_turns_neither_grows_nor_comes_nearer():
+    """The upright bound of a target of 40 x 20 px changes; its own size doesn't."""
+    motion_filter, size = MotionFilter(), (40.0, 20.0)
+    for index in range(30):
+        turn, center = 0.1 * index, (50.0 + 3 * index, 100.0)
+        motion_filter.add(Estimate(
+            Box.around_ellipse(center, size, turn), turn, COVARIANCE, 1.0, TrackState.TRACKING,
+            affine=transformation(center, size, turn)), STEP * (index + 1))
+    motion = moving(motion_filter)
+    assert motion.velocity == pytest.approx([90, 0, 0, 0], abs=0.5)
+    assert motion.box.center == pytest.approx(center, abs=0.1)
+    assert (motion.box.width, motion.box.height) == pytest.approx(size)
 
 
 @pytest.mark.parametrize('density, fading, most', [(2.0, math.inf, 0.995), (500.0, 0.1, 0.95)])

@@ -1,6 +1,7 @@
 """APPF: the terms of its likelihood, and drawn targets that turn and grow."""
 
 import cv2
+from drawn_card import card_texture, DrawnCard
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
@@ -9,46 +10,12 @@ from vtrack_ros.appearance.affine_likelihood import keypoint_error
 from vtrack_ros.appearance.affine_patches import AffinePatches
 from vtrack_ros.appearance.keypoints import PoseChange
 from vtrack_ros.geometry import affine, Box
-from vtrack_ros.localisation import Localiser
-from vtrack_ros.localisation.upright_search import UprightSearch
 from vtrack_ros.tracker import TrackState
 from vtrack_ros.trackers import create_tracker
 
 
 def _state(scale=30.0, turn=0.0, center=(0.0, 0.0)):
     return affine.from_vector(np.array([np.log(scale), 0, turn, 0, *center]))
-
-
-def _texture(width, height, seed, cell):
-    rng = np.random.default_rng(seed)
-    coarse = rng.integers(0, 256, (height // cell + 2, width // cell + 2, 3), dtype=np.uint8)
-    picture = cv2.resize(coarse, None, fx=cell, fy=cell, interpolation=cv2.INTER_CUBIC)
-    return np.ascontiguousarray(picture[:height, :width])
-
-
-class _Drawn:
-    """A textured 60 x 44 card over a duller background."""
-
-    size = (60.0, 44.0)
-
-    def __init__(self, grey=False, shape=(240, 320)):
-        self.background = 90 + _texture(shape[1], shape[0], 1, 16) // 6
-        self.card = _texture(60, 44, 2, 7)
-        self.grey = grey
-
-    def frame(self, center, turn=0.0, scale=1.0, seed=0):
-        matrix = np.zeros((2, 3))
-        matrix[:, :2] = scale * affine.rotation(np.asarray(turn))
-        matrix[:, 2] = np.array(center) - 0.5 - matrix[:, :2] @ (29.5, 21.5)
-        shape = self.background.shape[1::-1]
-        mask = cv2.warpAffine(np.full((44, 60), 255, np.uint8), matrix, shape)[:, :, None] / 255
-        drawn = self.background * (1 - mask) + mask * cv2.warpAffine(self.card, matrix, shape)
-        noise = np.random.default_rng(seed).normal(0, 3, drawn.shape)
-        result = np.clip(drawn + noise, 0, 255).astype(np.uint8)
-        return cv2.cvtColor(result, cv2.COLOR_BGR2GRAY) if self.grey else result
-
-    def box(self, center):
-        return Box.from_center(*center, *self.size)
 
 
 def _path(index):
@@ -72,7 +39,7 @@ def test_keypoint_error_is_the_mean_square_distance():
 
 
 def test_patches_follow_rotation_and_scale():
-    drawn = _Drawn(grey=True)
+    drawn = DrawnCard(grey=True)
     side = float(np.sqrt(60 * 44))
     size = (60 / side, 44 / side)
     upright = AffinePatches(
@@ -88,7 +55,7 @@ def test_patches_follow_rotation_and_scale():
 
 
 def test_patches_of_a_large_target_equal_those_of_a_small_one():
-    small = cv2.GaussianBlur(_texture(80, 80, 3, 10), (5, 5), 1)
+    small = cv2.GaussianBlur(card_texture(80, 80, 3, 10), (5, 5), 1)
     large = cv2.resize(small, None, fx=7, fy=7, interpolation=cv2.INTER_CUBIC)
     one = AffinePatches(small, _state(40.0, 0.3, (40.0, 40.0))[None], (1.0, 1.0))
     other = AffinePatches(large, _state(280.0, 0.3, (280.0, 280.0))[None], (1.0, 1.0))
@@ -112,7 +79,7 @@ def started(drawn, center, **parameters):
 
 @pytest.mark.parametrize('grey', [False, True])
 def test_follows_a_drawn_target_through_translation_and_growth(grey):
-    drawn = _Drawn(grey)
+    drawn = DrawnCard(grey)
     tracker = started(drawn, _path(0))
     for index in range(1, 20):
         scale = 1 + 0.016 * index
@@ -124,7 +91,7 @@ def test_follows_a_drawn_target_through_translation_and_growth(grey):
 
 
 def test_the_angle_follows_a_rotation():
-    drawn, center = _Drawn(), (160.0, 120.0)
+    drawn, center = DrawnCard(), (160.0, 120.0)
     tracker = create_tracker('appf', seed=3)
     tracker.start(drawn.frame(center), drawn.box(center))
     for index in range(1, 31):
@@ -138,7 +105,7 @@ def test_the_angle_follows_a_rotation():
 
 
 def test_the_box_stands_upright_about_a_turned_target():
-    drawn = _Drawn()
+    drawn = DrawnCard()
     tracker = create_tracker('appf', seed=0)
     tracker.start(drawn.frame((100.0, 110.0)), drawn.box((100.0, 110.0)))
     for index in range(1, 41):
@@ -150,24 +117,6 @@ def test_the_box_stands_upright_about_a_turned_target():
     assert estimate.box.iou(Box.from_center(*center, height, width)) > 0.8
     # a size in another frame than the box would be an error of the size
     assert np.sqrt(np.diag(estimate.covariance)[2:]).max() < 0.25 * height
-
-
-def test_a_turned_target_is_localised_upright():
-    """Turned back the response is twice as high, and places are those in the frame."""
-    drawn, center, turn = _Drawn(), (150.0, 120.0), 0.8
-    localiser = Localiser(drawn.frame(center), center, drawn.size, np.random.default_rng(0))
-    for index in range(3):
-        frame = drawn.frame(center, seed=index)
-        localiser.update(frame, localiser.localise(frame, center), center, 1.0)
-    upright = UprightSearch(localiser)
-    moved = (center[0] + 6, center[1] - 4)
-    found = upright.localise(drawn.frame(moved, turn), turn)
-    assert upright.angle == found.turn.angle == turn
-    assert found.peak > 2 * localiser.localise(drawn.frame(moved, turn), center).peak
-    assert_allclose(found.center, moved, atol=1.5)
-    assert found.sample(found.center[None])[0] == pytest.approx(found.peak, rel=0.12)
-    assert not upright.update(found, found.center, 1.0)
-    assert_allclose(localiser.center, moved, atol=1.5)
 
 
 def test_a_turned_target_stays_in_the_image():
@@ -184,7 +133,7 @@ def test_a_turned_target_stays_in_the_image():
 
 
 def test_the_covariance_stays_positive_definite_while_the_target_leaves():
-    drawn = _Drawn()
+    drawn = DrawnCard()
     tracker = started(drawn, (270.0, 120.0))
     for index in range(1, 26):
         center = (270.0 + 5 * index, 120.0)
@@ -196,7 +145,7 @@ def test_the_covariance_stays_positive_definite_while_the_target_leaves():
 
 
 def test_parameters_change_while_it_runs():
-    drawn = _Drawn()
+    drawn = DrawnCard()
     tracker = started(drawn, _path(0))
     tracker.configure(particles=50, eigenvectors=4, update_interval=2, rotation_noise=0.0)
     for index in range(1, 8):
@@ -209,7 +158,7 @@ def test_parameters_change_while_it_runs():
 
 
 def test_a_box_that_reaches_beyond_the_image():
-    drawn = _Drawn()
+    drawn = DrawnCard()
     tracker = create_tracker('appf', seed=4)
     tracker.start(drawn.frame((20.0, 30.0)), drawn.box((20.0, 30.0)))
     for index in range(1, 6):
@@ -218,7 +167,7 @@ def test_a_box_that_reaches_beyond_the_image():
 
 
 def test_dropped_frames_are_caught_up_with():
-    drawn = _Drawn()
+    drawn = DrawnCard()
     tracker = started(drawn, _path(0))
     for index in range(1, 10):
         tracker.update(drawn.frame(_path(index), 0.0, 1.0, index))

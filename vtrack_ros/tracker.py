@@ -62,6 +62,15 @@ class Estimate:
         """Whether the box was measured in this frame, and isn't a prediction."""
         return self.state is TrackState.TRACKING
 
+    @property
+    def upright(self) -> Box:
+        """Return the box that the target would have if it hadn't turned: its own size."""
+        if self.affine is None:
+            return self.box
+        width, height = np.hypot(self.affine[0, :2], self.affine[1, :2])
+        x, y = self.affine[:2, 2]
+        return Box.from_center(x, y, width, height)
+
 
 class Tracker(ABC):
     """

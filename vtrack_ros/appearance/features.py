@@ -7,21 +7,17 @@ on the frame's; but of a window over the frame's border up to a million pixels a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
-import math
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.frame import Array, Frame
 
 #: A window's features: float32, shape (channels, rows, columns).
 Features = NDArray[np.float32]
 
-#: Of a larger window that reaches beyond the frame, some pixels are left out.
-_MOST_PIXELS = 1 << 20
 _SIGNED = 18
 _UNSIGNED = 9
 #: Channels of `oriented_gradients`.
@@ -43,79 +39,6 @@ _SPREAD = 22.0
 _LIGHTNESS_WEIGHT = 0.5
 #: Chroma beyond which colours are rare in natural images.
 _USUAL_CHROMA = 30.0
-
-
-@dataclass(frozen=True)
-class PixelWindow:
-    """
-    A part of a frame, in whole pixels, which may reach beyond its border.
-
-    Every version of OpenCV samples those in the same way.
-    """
-
-    left: int
-    top: int
-    width: int
-    height: int
-
-    @classmethod
-    def about(cls, center: Point, size: Point) -> PixelWindow:
-        """Return the window next to one of that centre and size, in pixels."""
-        width, height = (max(1, round(length)) for length in size)
-        return cls(round(center[0] - width / 2), round(center[1] - height / 2), width, height)
-
-    @property
-    def center(self) -> Point:
-        """Return the centre, in pixels."""
-        return self.left + self.width / 2, self.top + self.height / 2
-
-    def sampled(self, frame: Frame, rows: int, columns: int) -> Frame:
-        """
-        Return so many samples of it; the frame's border repeats.
-
-        Where several pixels fall on one sample, a regular subset of them is used.
-        """
-        part, margins = frame, []
-        stride = 1 + math.isqrt(self.width * self.height // _MOST_PIXELS)
-        for axis, start, length in ((0, self.top, self.height), (1, self.left, self.width)):
-            first = min(max(start, 0), frame.shape[axis] - 1)
-            last = min(max(start + length, first + 1), frame.shape[axis])
-            part = part[first:last] if axis == 0 else part[:, first:last]
-            before = min(max(first - start, 0), length - 1)
-            margins += [before, length - before - (last - first)]
-        if any(margins):
-            above, below, before, after = (margin // stride for margin in margins)
-            part = cv2.copyMakeBorder(
-                part[::stride, ::stride], above, below, before, after, cv2.BORDER_REPLICATE)
-        window: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
-        return window
-
-
-def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -> Frame:
-    """
-    Return an image's values at the crossings of columns and rows; its border repeats.
-
-    Of N grids, `x`, shape (N, columns), and `y`, shape (N, rows), count from the middle of the
-    first pixel; the result's shape is (N, rows, columns). Bilinear, and rounded: OpenCV's `remap`
-    does it to a 32nd of a pixel or exactly, as its version may be.
-    """
-    (above, below, down), (before, after, across) = (
-        _neighbours(at, length) for at, length in zip((y, x), image.shape))
-    values = image.astype(np.float32)
-    rows = values[above]
-    rows += down[..., None] * (values[below] - rows)
-    lines, grids = rows.transpose(0, 2, 1), np.arange(len(x))[:, None]
-    result = lines[grids, before]
-    result += across[..., None] * (lines[grids, after] - result)
-    return np.rint(result).astype(np.uint8).transpose(0, 2, 1)
-
-
-def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
-        NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-    """Return the pixels before and after a place along a side, and the share of the second."""
-    first = np.floor(at)
-    index = first.astype(np.intp)
-    return index.clip(0, length - 1), (index + 1).clip(0, length - 1), at - first
 
 
 def describe(grey: Frame, cells: Frame, cell: int) -> Features:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import PixelWindow
+from vtrack_ros.appearance.sampling import PixelWindow
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
 

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.features import (
-    Features, GRADIENT_CHANNELS, oriented_gradients, sample_grids)
+    Features, GRADIENT_CHANNELS, oriented_gradients)
+from vtrack_ros.appearance.sampling import sample_grids
 from vtrack_ros.frame import Array, Frame, Point
 
 Spectrum = NDArray[np.complex64]

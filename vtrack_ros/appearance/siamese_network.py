@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import PixelWindow
+from vtrack_ros.appearance.sampling import PixelWindow
 from vtrack_ros.frame import Array, Frame, Point
 
 #: Sides of the target's image and of the one that's searched, in samples, as NanoTrack has them.

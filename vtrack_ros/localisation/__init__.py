@@ -20,12 +20,12 @@ about a place, decides for a place (with its filter, its particles, or none), an
 told like one. `GuidedSearch` asks it at the places that forecasts point to, and chooses among what
 it finds by motion and response; `Distractors` are what it finds that looks like the target, and
 isn't. Where the choice is far from what was expected, the target's points, followed by optical
-flow, tell whether it went there; they tell its growth, too.
+flow, tell whether it went there; they tell how it grew and turned, too: the window turns along.
 
 `search_window` has the window and the response over it, `target_model` what is known of the target
 (correlation filter, colours, scale), `presence` judges whether it's there, `redetection` searches
-when tracking has failed, `localiser` composes them. Beside them, `upright_search` turns the frame
-for targets that turn, `mean_shift` climbs a response and fuses [Yin2013].
+when tracking has failed, `localiser` composes them. Beside them, `mean_shift` climbs a response
+and fuses [Yin2013].
 """
 
 from vtrack_ros.localisation.guided_search import Found, GuidedSearch

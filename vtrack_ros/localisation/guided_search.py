@@ -8,8 +8,7 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 
-from vtrack_ros.appearance.camera_motion import CameraMotion
-from vtrack_ros.appearance.target_flow import TargetFlow, TargetMotion
+from vtrack_ros.appearance.image_motion import CameraMotion, TargetFlow, TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.distractors import Distractors
@@ -35,9 +34,9 @@ _DISTRACTING, _APART_FROM = 0.45, 0.2
 #: hides it if only one of them is seen, within a distance from where it's expected, for so many
 #: frames at most.
 _NEAR, _MEETING, _SEEN, _HIDDEN = 0.75, 0.35, 0.3, 8
-#: Growth is measured in every so manieth frame, in turns with the scale regression, and in as many
-#: frames after one in which the target grew.
-_GROWTH_EVERY = 4
+#: Growth and rotation are measured in every so manieth frame, in turns with the scale regression,
+#: and in as many frames after one in which the target grew, or turned by more than that, [rad].
+_MEASURED_EVERY, _TURNING = 4, 0.03
 #: Where the target was found further than that from where it's expected, in sides, its points tell
 #: whether it went there.
 _FAR = 0.4
@@ -77,8 +76,8 @@ class GuidedSearch:
     answers as well, but isn't where the target has to be. Doubles are followed too, and maxima
     where one of those is expected aren't the target; while one passes before it, it goes on as
     expected. The flow of the target's own points has a say as well: before it's searched it has
-    grown as they part, and where it would be found far from where it's expected, but they went
-    elsewhere together, it's there.
+    grown and turned as they did, and where it would be found far from where it's expected, but
+    they went elsewhere together, it's there.
     """
 
     _found: Found
@@ -89,8 +88,8 @@ class GuidedSearch:
         #: Of the target's points in the last frame, if it was seen there; what they did since.
         self._flow: TargetFlow | None = self._seen_flow()
         self._motion: TargetMotion | None = None
-        #: How many frames there were, and for how many more growth is measured in each.
-        self._frames = self._growing = 0
+        #: How many frames there were, and for how many more the points are asked in each.
+        self._frames = self._changing = 0
         self._mixture = ForecastMixture()
         self._start = target.center
         self._forecasts: dict[str, Point] = {}
@@ -106,7 +105,7 @@ class GuidedSearch:
         self._start, self._motion = target.center, None
         self._frames += 1
         self._shift = self._camera.update(frame)
-        self._grow(frame, dt)
+        self._transform(frame, dt)
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
@@ -138,18 +137,20 @@ class GuidedSearch:
             own = (step - self._shift) / dt
             self._own_velocity = (1 - _VELOCITY_RATE) * self._own_velocity + _VELOCITY_RATE * own
 
-    def _grow(self, frame: Frame, dt: float) -> None:
-        """Let the target grow as its own points part, if no distractor is near."""
-        if not (self._growing or self._frames % _GROWTH_EVERY == _GROWTH_EVERY // 2):
+    def _transform(self, frame: Frame, dt: float) -> None:
+        """Let the target grow and turn as its own points do, if no distractor is near."""
+        if not (self._changing or self._frames % _MEASURED_EVERY == _MEASURED_EVERY // 2):
             return
         if self._distractors.near(self._start, _NEAR * self._side, dt):
             return
         points = self._points(frame)
-        growth = None if points is None else points.growth
-        self._growing = max(self._growing - 1, 0)
-        if growth is not None:
-            self._growing = _GROWTH_EVERY
-            self._target.grow(growth)
+        self._changing = max(self._changing - 1, 0)
+        if points is None:
+            return
+        growth, turn = points.growth or 1.0, points.turn or 0.0
+        self._target.transform(growth, turn)
+        if growth != 1 or abs(turn) > _TURNING:
+            self._changing = _MEASURED_EVERY
 
     def _seen_flow(self) -> TargetFlow | None:
         """Return what tells where the target's points go from here, if it's seen here."""

@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 
+from vtrack_ros.appearance.image_motion import TargetFlow
 from vtrack_ros.appearance.siamese_network import (
     EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
-from vtrack_ros.appearance.target_flow import TargetFlow
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.localiser import Localiser
@@ -121,6 +121,17 @@ class Hypotheses:
         return self._leader.size
 
     @property
+    def angle(self) -> float:
+        """Return by how much the target has turned since the first frame, in radians."""
+        return self._leader.angle
+
+    @property
+    def box(self) -> Box:
+        """Return the target's bound; while both models agree, of the size between theirs."""
+        width, height = (self._growth * side for side in self.size)
+        return Box.around_ellipse(self.center, (width, height), self.angle)
+
+    @property
     def reach(self) -> Point:
         """Return the search window's (width, height) in units of the target's."""
         return self._leader.reach
@@ -154,9 +165,9 @@ class Hypotheses:
         """Return what tells where the target's points go; see `Localiser.flow`."""
         return self._leader.flow
 
-    def localise(self, frame: Frame, center: Point) -> ResponseMap:
-        """Return the response about a place, in pixels; nothing changes."""
-        return self._leader.localise(frame, center)
+    def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
+        """Return the response about a place, in pixels; see `Localiser.localise`."""
+        return self._leader.localise(frame, center, angle)
 
     def likeness(self, frame: Frame, place: Point) -> float:
         """Return how similar a place, in pixels, is to the target; see `Localiser.likeness`."""
@@ -198,28 +209,15 @@ class Hypotheses:
         for each in self._similarities:
             each.require(confidence)
 
-    def grow(self, factor: float) -> None:
-        """Take the target for larger by a factor."""
+    def transform(self, growth: float, turn: float) -> None:
+        """Take the target for larger by a factor, and turned by an angle more, in radians."""
         for each in self._similarities:
-            each.grow(factor)
+            each.transform(growth, turn)
 
-    def move_to(self, center: Point) -> None:
-        """Put the target at another place, in pixels: the same one, in other coordinates."""
-        x, y = np.subtract(center, self.center).tolist()
-        for each in self._similarities:
-            each.move_to((each.center[0] + x, each.center[1] + y))
-        self._latest = self._latest[0] + x, self._latest[1] + y
-
-    def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
-                 affine: Array | None = None, box: Box | None = None) -> Estimate:
-        """
-        Return the leader's estimate; see `Localiser.estimate`.
-
-        While both models agree, a box that isn't given has the size between theirs.
-        """
-        if box is None:
-            box = Box.from_center(*self.center, *(self._growth * side for side in self.size))
-        return self._leader.estimate(covariance, angle, particles, affine, box)
+    def estimate(self, covariance: Array, particles: Array | None = None,
+                 angle: float | None = None, affine: Array | None = None) -> Estimate:
+        """Return the leader's estimate, with this box; see `Localiser.estimate`."""
+        return self._leader.estimate(covariance, particles, angle, affine, self.box)
 
     def _questionable(self) -> bool:
         """Tell whether the two disagree, or the leader isn't like itself, or they're new."""
@@ -234,7 +232,7 @@ class Hypotheses:
         if math.dist(center, before) < math.sqrt(math.prod(other.size)):
             center = inside((center[0] + leader.center[0] - before[0],
                              center[1] + leader.center[1] - before[1]), frame)
-        response = other.localise(frame, center)
+        response = other.localise(frame, center, leader.angle)
         place = response.local_maximum(center)
         if response.sample_one(place) < _LEVEL * response.peak:
             place = response.center
@@ -244,7 +242,7 @@ class Hypotheses:
     def _decide(self) -> bool:
         """Tell whether the other model takes over; or let it start again at the leader's place."""
         leader, other = self._leader, self._other
-        overlap = _box(leader).iou(_box(other))
+        overlap = leader.box.iou(other.box)
         self._growth = 1.0
         if overlap >= _TOGETHER:
             self._apart = 0
@@ -263,7 +261,3 @@ class Hypotheses:
             self._similarities[other] = believed / _GIVES_UP
             self._apart = 0
         return False
-
-
-def _box(localiser: Localiser) -> Box:
-    return Box.from_center(*localiser.center, *localiser.size)

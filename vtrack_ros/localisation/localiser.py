@@ -7,9 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from vtrack_ros.appearance.target_flow import TargetFlow
+from vtrack_ros.appearance.image_motion import TargetFlow
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.affine import transformation
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
@@ -33,6 +34,8 @@ SMALLEST, LARGEST = 0.2, 5.0
 #: similarity. Of 1,069 second frames in which the target was found one in ten has less response,
 #: one in fifty less similarity; of two in which it had darted off, both have far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
+#: In every so manieth frame a target that has turned is looked at upright, too.
+_ANCHOR_EVERY = 4
 #: The least that the usual similarity is taken for where others are compared with it.
 _LEAST_USUAL = 0.1
 
@@ -85,6 +88,16 @@ class Localiser:
         return self._live.size
 
     @property
+    def angle(self) -> float:
+        """Return by how much the target has turned since the first frame, in radians."""
+        return self._live.angle
+
+    @property
+    def box(self) -> Box:
+        """Return the target's bound."""
+        return Box.around_ellipse(self.center, self.size, self.angle)
+
+    @property
     def reach(self) -> Point:
         """Return the search window's (width, height) in units of the target's."""
         return self._live.model.layout.reach
@@ -119,9 +132,13 @@ class Localiser:
         """Return what tells where the target's points go from the window that it was seen in."""
         return TargetFlow(self._window.grey, self._window.pixels, self.center, self.size)
 
-    def localise(self, frame: Frame, center: Point) -> ResponseMap:
-        """Return the response about a place, in pixels; nothing changes."""
-        return self._live.localise(frame, center)
+    def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
+        """
+        Return the response about a place, in pixels; nothing changes.
+
+        The target is sought as it's turned now, or by another angle, [rad].
+        """
+        return self._live.localise(frame, center, angle)
 
     def likeness(self, frame: Frame, place: Point) -> float:
         """
@@ -130,8 +147,8 @@ class Localiser:
         As a share of the target's usual similarity.
         """
         live = self._live
-        window = live.model.layout.window(frame, inside(place, frame), live.size)
-        return self._template.similarity(window) / max(live.usual_similarity, _LEAST_USUAL)
+        similarity = self._template.similarity(live.window(frame, inside(place, frame)))
+        return similarity / max(live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
                search: bool = True) -> bool:
@@ -142,7 +159,7 @@ class Localiser:
 
         Returns whether the target was found again elsewhere. Where it wasn't, the centre is the
         given one, or next to it: near the border of the response's window a place is localised
-        twice.
+        twice. It's turned as the window was.
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame), dt)
@@ -175,18 +192,16 @@ class Localiser:
         """Count the target as seen from this confidence on."""
         self._presence.threshold = confidence
 
-    def grow(self, factor: float) -> None:
-        """Take the target for larger by a factor."""
+    def transform(self, growth: float, turn: float) -> None:
+        """Take the target for larger by a factor, and turned by an angle more, in radians."""
         width, height = self._live.size
-        self._live = replace(self._live, size=self._bounded((factor * width, factor * height)))
-
-    def move_to(self, center: Point) -> None:
-        """Put the target at another place, in pixels: the same one, in other coordinates."""
-        self._live = replace(self._live, center=center)
+        self._live = replace(self._live, size=self._bounded((growth * width, growth * height)),
+                             turn=math.remainder(self._live.turn + turn, math.tau))
 
     def resume(self, snapshot: TargetSnapshot, beside: 'Localiser') -> None:
         """Go on from what was known, at the place of another localiser of the same target."""
-        self._live = replace(snapshot, center=beside.center, size=self._bounded(beside.size))
+        self._live = replace(snapshot, center=beside.center, size=self._bounded(beside.size),
+                             turn=beside.angle)
         self._failure = None
         self._velocity = VelocityEstimate(beside._velocity.velocity)
         self._presence = copy(beside._presence)
@@ -196,16 +211,20 @@ class Localiser:
         self._restart(leader.center, leader.size, leader.similarity)
         self.resume(self._live, leader)
 
-    def estimate(self, covariance: Array, angle: float = 0.0, particles: Array | None = None,
-                 affine: Array | None = None, box: Box | None = None) -> Estimate:
+    def estimate(self, covariance: Array, particles: Array | None = None,
+                 angle: float | None = None, affine: Array | None = None,
+                 box: Box | None = None) -> Estimate:
         """
-        Return the estimate; the box is that of `center` and `size` where none is given.
+        Return the estimate; angle and box are the target's own where none is given.
 
         No variance is less than what no filter knows: the error of the model itself, which drifts
         from where the target was pointed out, and of a target that isn't seen.
         """
-        if box is None:
-            box = Box.from_center(*self.center, *self.size)
+        box = box or self.box
+        if angle is None:
+            angle = self.angle
+        if affine is None and angle:
+            affine = transformation(self.center, self.size, angle)
         unseen = self._presence.unseen_frames
         least = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, unseen)
         missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
@@ -217,7 +236,7 @@ class Localiser:
     def _restart(self, center: Point, size: Point, similarity: float) -> None:
         """Begin again with what was learned first, at a place so similar to the first one."""
         self._live = replace(self._live, model=self._first_model, center=center, size=size,
-                             usual_similarity=similarity)
+                             usual_similarity=similarity, turn=0.0)
         self._similarity, self._failure = similarity, None
         self._velocity = VelocityEstimate()
         self._global.restart(similarity)
@@ -229,7 +248,7 @@ class Localiser:
         model, size = live.model, live.size
         if not (isinstance(window, SearchWindow) and is_centred(window.shift(center))):
             # the taper distorts what is near the border, and some of the target may be beyond it
-            window = model.layout.window(frame, center, size)
+            window = model.layout.window(frame, center, size, window.angle)
             response = ResponseMap(window, model.response(window))
             center = inside(response.local_maximum(center), frame)
         shift = window.shift(center)
@@ -244,8 +263,12 @@ class Localiser:
         if self._frames % _COLOURS_EVERY == 1:
             model = model.with_colours(window, shift)
         self._verify(window, center, response)
-        return TargetSnapshot(model.updated(window, shift, self._first_model), center, size,
-                              live.usual_response, live.usual_similarity)
+        turn = live.turn if window.angle == live.angle else window.angle
+        if self._frames % _ANCHOR_EVERY == 0 and self._template.is_upright(frame, window, center):
+            turn = 0.0
+        return TargetSnapshot(
+            model.updated(window, shift, self._first_model), center, size, live.usual_response,
+            live.usual_similarity, turn)
 
     def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:
         """Ask the initial template about a place, in pixels, if it's time for it."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import ColourModel
 from vtrack_ros.appearance.regression import CorrelationFilter
-from vtrack_ros.frame import Array, Point
+from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.localisation.search_window import SearchWindow
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 from vtrack_ros.tracker import TrackState
@@ -22,6 +22,10 @@ _PART_WEIGHT = 0.75
 _LEAST_PART = 0.1
 #: Power of the colours' share, and the least that it's taken for: light takes all colours away.
 _COLOUR_POWER, _LEAST_COLOUR = 0.25, 0.3
+
+#: A target that has turned by more than this, [rad], stands upright where it's so similar upright,
+#: as a share of the similarity that it has as it's turned.
+_ANCHORED, _UPRIGHT = 0.1, 0.9
 
 #: Tracking fails when the response falls below this share of the usual one, or the similarity
 #: below its share (or below a level that is trusted in every target).
@@ -97,6 +101,19 @@ class InitialTemplate:
         similarity: float = min(near.reshape(2, -1).max(axis=1).tolist())
         similarity *= min(max(colour, _LEAST_COLOUR), 1.0)**_COLOUR_POWER
         return similarity
+
+    def is_upright(self, frame: Frame, window: SearchWindow, place: Point) -> bool:
+        """
+        Tell whether a target that was seen in a turned window stands upright all the same.
+
+        Its place is in pixels. A rotation that is added up from steps drifts; but who stands as at
+        first is about as similar upright as in the window, and who doesn't is far less so.
+        """
+        if abs(window.angle) < _ANCHORED:
+            return False
+        upright = window.layout.window(frame, place, window.size)
+        own = self.similarity(window, window.shift(place))
+        return self.similarity(upright) > _UPRIGHT * own
 
 
 def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:

@@ -151,9 +151,8 @@ class Redetection:
             far = math.dist(center, live) > _EXCHANGED * math.sqrt(math.prod(snapshot.size))
             if not away.any() or (seen and far and snapshot.model.LEARNS):
                 continue
-            window = snapshot.model.layout.window(frame, center, snapshot.size)
             similarity = snapshot.model.credibility(
-                self._template.similarity(window), response, center)
+                self._template.similarity(snapshot.window(frame, center)), response, center)
             candidates.append(Candidate(center, similarity, response.peak, response.sharpness))
         return candidates
 
@@ -192,12 +191,7 @@ class Redetection:
 
 
 class VelocityEstimate:
-    """
-    The running mean of a target's velocity, [px/frame], while it's tracked.
-
-    Each step is taken when the next one begins: by then a tracker that turns the frame has put
-    its end right.
-    """
+    """The running mean of a target's velocity, [px/frame], while it's tracked."""
 
     def __init__(self, velocity: Point = (0.0, 0.0)) -> None:
         self.velocity = velocity

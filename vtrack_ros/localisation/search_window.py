@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.colour_model import colour_index, Colours, Rectangle
-from vtrack_ros.appearance.features import describe, PixelWindow
+from vtrack_ros.appearance.features import describe
 from vtrack_ros.appearance.regression import CorrelationFilter, Spectrum
+from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.geometry.affine import rotation
 
 #: Side of a cell, in samples.
 _CELL = 3
@@ -31,15 +33,25 @@ _PEAK, _LEAST_VARIANCE = 3, 1e-9
 
 @dataclass(frozen=True)
 class Grid:
-    """Where a window's cells are: its centre in the frame and a cell's (width, height), [px]."""
+    """
+    Where a window's cells are: its centre in the frame and a cell's (width, height), [px].
+
+    The angle, [rad], is by how much it's turned, clockwise as one looks at the image.
+    """
 
     center: Point
     cell: Point
+    angle: float
 
     def shift(self, place: Point) -> Point:
         """Return how far a place, in pixels, is from the window's centre, in cells."""
-        return ((place[0] - self.center[0]) / self.cell[0],
-                (place[1] - self.center[1]) / self.cell[1])
+        x, y = turned((place[0] - self.center[0], place[1] - self.center[1]), -self.angle)
+        return x / self.cell[0], y / self.cell[1]
+
+    def at(self, shift: Point) -> Point:
+        """Return the place, in pixels, that is so many cells from the window's centre."""
+        x, y = turned((shift[0] * self.cell[0], shift[1] * self.cell[1]), self.angle)
+        return self.center[0] + x, self.center[1] + y
 
 
 @dataclass(frozen=True)
@@ -63,7 +75,7 @@ class SearchWindow(Grid):
         """Return which part of the frame it is."""
         width, height = self.cell
         return PixelWindow.about(
-            self.center, (width * self.layout.columns, height * self.layout.rows))
+            self.center, (width * self.layout.columns, height * self.layout.rows), self.angle)
 
     def sample_at(self, shift: Point) -> Point:
         """Return a place in `grey`, from its place from the window's centre in cells."""
@@ -109,10 +121,15 @@ class WindowLayout:
         """Return the target's (width, height) in cells."""
         return self.columns / self.reach[0], self.rows / self.reach[1]
 
-    def window(self, frame: Frame, center: Point, size: Point) -> SearchWindow:
-        """Describe the window about a target of that centre and size, to the nearest pixel."""
+    def window(self, frame: Frame, center: Point, size: Point,
+               angle: float = 0.0) -> SearchWindow:
+        """
+        Describe the window about a target of that centre and size, to the nearest pixel.
+
+        A target that has turned by an angle, [rad], is seen upright in it.
+        """
         whole = PixelWindow.about(
-            center, (size[0] * self.reach[0], size[1] * self.reach[1]))
+            center, (size[0] * self.reach[0], size[1] * self.reach[1]), angle)
         pixels = whole.sampled(frame, self.rows * _CELL, self.columns * _CELL)
         grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
         small = cv2.resize(pixels, (self.columns * _DETAIL, self.rows * _DETAIL))
@@ -120,7 +137,8 @@ class WindowLayout:
         spectrum = CorrelationFilter.transform(describe(grey, cells, _CELL))
         size = whole.width / self.reach[0], whole.height / self.reach[1]
         cell = whole.width / self.columns, whole.height / self.rows
-        return SearchWindow(whole.center, cell, self, size, grey, colour_index(small), spectrum)
+        return SearchWindow(
+            whole.center, cell, angle, self, size, grey, colour_index(small), spectrum)
 
 
 @dataclass(frozen=True)
@@ -168,15 +186,18 @@ class ResponseMap:
 
     def cells(self, points: Array) -> Array:
         """Return points, shape (N, 2) in pixels, in cells of the map."""
-        center, cell, middle = self.window.center, self.window.cell, self._middle
-        cells = points / cell
-        cells += middle[0] - center[0] / cell[0], middle[1] - center[1] / cell[1]
+        window = self.window
+        cells = points - window.center
+        if window.angle:
+            cells = cells @ rotation(np.asarray(window.angle))
+        cells /= window.cell
+        cells += self._middle
         return cells
 
     def place(self, cells: Array) -> Point:
         """Return the place, in pixels, of a point in cells of the map, shape (2,)."""
-        x, y = (cells - self._middle) * self.window.cell + self.window.center
-        return float(x), float(y)
+        x, y = (cells - self._middle).tolist()
+        return self.window.at((x, y))
 
     def sample(self, points: Array) -> Array:
         """Return the response at points, shape (N, 2) in pixels; 0 beyond the window."""
@@ -233,9 +254,7 @@ class ResponseMap:
         column, row = cell
         x, y = subcell_offset(self.values, row, column)
         middle_x, middle_y = self._middle
-        window = self.window
-        return (window.center[0] + (column + x - middle_x) * window.cell[0],
-                window.center[1] + (row + y - middle_y) * window.cell[1])
+        return self.window.at((column + x - middle_x, row + y - middle_y))
 
     @property
     def _middle(self) -> tuple[int, int]:

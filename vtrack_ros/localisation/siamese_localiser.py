@@ -55,7 +55,7 @@ class SiameseResponse(ResponseMap):
             np.exp(-(at - (boxes[:, axis, None] - center[axis]) / cell)**2 / (2 * _SPREAD**2))
             for axis in (0, 1))
         values = ((levels[:, None] * along_y)[:, :, None] * along_x[:, None]).max(axis=0)
-        return cls(Grid(center, (cell, cell)), values.astype(np.float32), boxes, levels)
+        return cls(Grid(center, (cell, cell), 0.0), values.astype(np.float32), boxes, levels)
 
     def box_at(self, place: Point) -> Array:
         """
@@ -101,9 +101,10 @@ class SiameseModel(TargetModel):
         return replace(found, correction=correction.clip(
             neutral - _CORRECTED, neutral + _CORRECTED))
 
-    def localise(self, frame: Frame, center: Point, size: Point) -> SiameseResponse:
+    def localise(self, frame: Frame, center: Point, size: Point,
+                 angle: float = 0.0) -> SiameseResponse:
         """
-        Return the response about a target of that centre and size, in pixels.
+        Return the response about a target of that centre and size, in pixels, however turned.
 
         The network's log-odds, on a scale from 0 to 1, at the centre of the box that it has found
         in each place: a box is more exact than the places, a quarter of the target apart.

@@ -20,6 +20,8 @@ _LABEL_WIDTH = 1 / 16
 _COLOUR_WEIGHT = 0.3
 #: A target that is off the middle by more than this many cells is worth a window of its own.
 _CENTRED = 1.0
+#: A target that has turned by less than that, [rad], is taken to stand upright.
+_LEAST_TURN = 0.05
 #: Weights of an example in the running averages.
 _COLOUR_RATE = 0.08
 _SCALE_RATE = 0.05
@@ -78,9 +80,14 @@ class TargetModel:
         response += np.float32(_COLOUR_WEIGHT) * colour[::detail, ::detail]
         return response
 
-    def localise(self, frame: Frame, center: Point, size: Point) -> ResponseMap:
-        """Return the response in the window about a target of that centre and size, in pixels."""
-        window = self.layout.window(frame, center, size)
+    def localise(self, frame: Frame, center: Point, size: Point,
+                 angle: float = 0.0) -> ResponseMap:
+        """
+        Return the response in the window about a target of that centre and size, in pixels.
+
+        It's turned by an angle, [rad], as the target.
+        """
+        window = self.layout.window(frame, center, size, angle)
         return ResponseMap(window, self.response(window))
 
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
@@ -120,8 +127,9 @@ class TargetSnapshot:
     """
     What is known of the target at one time; the live one is replaced in every frame.
 
-    Centre and size are in pixels; what's usual is the running mean of the highest response, and of
-    the similarity to the initial template.
+    Centre and size are in pixels, the size as it would be upright; `turn` is the sum of what was
+    measured of its rotation since the first frame, [rad]. What's usual is the running mean of the
+    highest response, and of the similarity to the initial template.
     """
 
     model: TargetModel
@@ -129,10 +137,21 @@ class TargetSnapshot:
     size: Point
     usual_response: float
     usual_similarity: float
+    turn: float = 0.0
 
-    def localise(self, frame: Frame, center: Point) -> ResponseMap:
-        """Return the response in the window about a place, in pixels."""
-        return self.model.localise(frame, center, self.size)
+    @property
+    def angle(self) -> float:
+        """Return by how much the target has turned, [rad]: 0 where that may be an error."""
+        return self.turn if abs(self.turn) > _LEAST_TURN else 0.0
+
+    def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
+        """Return the response in the window about a place, in pixels; maybe at another angle."""
+        return self.model.localise(
+            frame, center, self.size, self.angle if angle is None else angle)
+
+    def window(self, frame: Frame, center: Point) -> SearchWindow:
+        """Describe the window about a place, in pixels."""
+        return self.model.layout.window(frame, center, self.size, self.angle)
 
     def followed(self, response: float, similarity: float | None = None) -> TargetSnapshot:
         """Return the snapshot whose usual values have followed one more frame's."""

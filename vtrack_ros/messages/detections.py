@@ -3,8 +3,6 @@
 import math
 from typing import Any
 
-import numpy as np
-
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.messages.poses import pose_with_covariance, Types
@@ -28,11 +26,8 @@ def oriented_box(types: Types, estimate: Estimate) -> Any:
     """
     if estimate.affine is None:
         return bounding_box(types, estimate.box)
-    affine = estimate.affine
-    width, height = np.hypot(affine[0, :2], affine[1, :2])
-    angle = math.atan2(affine[1, 0], affine[0, 0])
-    return bounding_box(
-        types, Box.from_center(affine[0, 2], affine[1, 2], width, height), -angle)
+    angle = math.atan2(estimate.affine[1, 0], estimate.affine[0, 0])
+    return bounding_box(types, estimate.upright, -angle)
 
 
 def detections(types: Types, header: Any, box: Box | None, angle: float = 0.0,

@@ -45,7 +45,7 @@ class Place:
         header, age = self._published_at(header)
         motion = self._node.session.motion(age) if age else None
         located = partial(self._located, self._camera_of(frame))
-        position = (located(estimate.box, estimate.covariance) if motion is None else
+        position = (located(estimate.upright, estimate.covariance) if motion is None else
                     located(motion.box, motion.covariance[:4, :4]))
         if position is None:
             self.units = ''

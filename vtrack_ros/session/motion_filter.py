@@ -109,7 +109,7 @@ class MotionFilter:
         if not estimate.measured:
             self._coasted = True
             return
-        box = estimate.box
+        box = estimate.upright
         side = math.sqrt(box.area)
         error, self._known = _error(estimate, _units(side, box))
         least = _LEAST_JITTER**2 * np.eye(4)

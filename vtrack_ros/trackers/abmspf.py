@@ -4,6 +4,7 @@ import numpy as np
 
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.affine import rotation
 from vtrack_ros.geometry.ellipse import SIGMA
 from vtrack_ros.localisation import GuidedSearch, ResponseMap
 from vtrack_ros.localisation.filter_parameters import LOCALISER, MEAN_SHIFT_PARTICLES
@@ -33,8 +34,8 @@ class MeanShiftParticleFilter(LocalisedTracker):
     is believed when the fused one is null. The particles are drawn about the tracker's own
     forecast, which repeats a part of the last step.
 
-    The bandwidth follows the size that the model finds. The angle is 0: the second moments of a
-    foreground map turn with limbs and background rather than with the target.
+    The bandwidth follows the size that the model finds, and the rotation is the model's as well:
+    the second moments of a foreground map turn with limbs and background rather than the target.
     """
 
     NAME = 'abmspf'
@@ -52,7 +53,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         self._search = GuidedSearch(frame, self._localiser)
         self._velocity = np.zeros(2)
         return self._localiser.estimate(
-            np.diag([1.0, 1.0, 0.0, 0.0]), particles=self._boxes(self._drawn(box.center)))
+            np.diag([1.0, 1.0, 0.0, 0.0]), self._boxes(self._drawn(box.center)))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adjust()
@@ -84,7 +85,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         else:
             step = np.subtract(localiser.center, before) / dt
             self._velocity = (self._velocity + step) / 2
-        return localiser.estimate(covariance, particles=self._boxes(points))
+        return localiser.estimate(covariance, self._boxes(points))
 
     def _climbed(self, response: ResponseMap, weights: Array, start: Point) -> Point:
         """Climb from a place with the target's bandwidth, then with the peak's."""
@@ -102,7 +103,8 @@ class MeanShiftParticleFilter(LocalisedTracker):
         return np.array(center) + reach * uniform
 
     def _boxes(self, points: Array) -> Array:
-        return np.concatenate([points, np.broadcast_to(self._localiser.size, points.shape)], 1)
+        box = self._localiser.box
+        return np.concatenate([points, np.full(points.shape, (box.width, box.height))], 1)
 
 
 def _spread(response: ResponseMap, center: Point) -> Array:
@@ -120,4 +122,6 @@ def _spread(response: ResponseMap, center: Point) -> Array:
     cross = y @ likelihood @ x
     spread = np.array([[in_x @ x**2, cross], [cross, in_y @ y**2]])
     spread += mean[:, np.newaxis] * mean
-    return spread
+    turn = rotation(np.asarray(response.window.angle))
+    turned: Array = turn @ spread @ turn.T
+    return turned

@@ -7,11 +7,11 @@ from vtrack_ros.appearance.keypoint_memory import KeypointMemory
 from vtrack_ros.appearance.keypoints import KeypointDetector, PoseChange
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import GroupParticles
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import affine, Box
+from vtrack_ros.localisation import ResponseMap
 from vtrack_ros.localisation.filter_parameters import (
     AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS, LOCALISER)
-from vtrack_ros.localisation.upright_search import UprightResponse, UprightSearch
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
@@ -24,6 +24,11 @@ _UNCERTAIN = 10.0
 #: Power of the paper's likelihood beside the response: both see the same pixels, and a product of
 #: terms that aren't independent is too sure of itself.
 _TEMPERED = 0.3
+#: When the response falls short of this share of the usual one, the particles' rotation is tried
+#: if it differs by that, [rad], and taken if the response is so much higher in it.
+_SHORT = 0.9
+_WORTH_TURNING = 0.06
+_GAIN = 1.05
 #: Samples along each side of a patch, and of the target, at most, for keypoints.
 _SIDE, _KEYPOINT_SIDE = 24, 40
 
@@ -44,8 +49,8 @@ class AffineKeypointParticleFilter(LocalisedTracker):
     The response of a discriminative model is one more term of the likelihood, and where it's
     highest is one more measured pose, which a share of the particles moves to. Place, size and box
     are the model's, whose own maximum is more exact than a mean over six dimensions; rotation and
-    shape are the particles', and when a rotation brings a higher response the model is shown the
-    frame turned back by it. When it finds the target elsewhere the particles start again there.
+    shape are the particles', and the search window is turned by a rotation that brings a higher
+    response. When it finds the target elsewhere the particles start again there.
     """
 
     NAME = 'appf'
@@ -75,19 +80,18 @@ class AffineKeypointParticleFilter(LocalisedTracker):
             frame, self._state, self._size, int(self._parameters['eigenvectors']), True, _SIDE)
         self._detector = KeypointDetector(_KEYPOINT_SIDE)
         self._memory = KeypointMemory(self._size)
-        self._measured_pose(frame, self._state[:2, 2], _FIRST_REACH)
+        self._measured_pose(frame, box.center, _FIRST_REACH)
         self._remember_keypoints()
         self._begin(frame, box)
-        self._upright = UprightSearch(self._localiser)
         return self._estimate(np.full(count, 1 / count))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adjust()
         values, particles = self._parameters, self._particles
-        response = self._upright.localise(frame, float(affine.angle(self._state)))
+        response = self._localised(frame, float(affine.angle(self._state)))
         weights = self._weigh(frame, dt, response)
         self._state = particles.mean(weights)
-        elsewhere = self._upright.update(response, response.center, dt)
+        elsewhere = self._localiser.update(frame, response, response.center, dt)
         self._place(elsewhere)
         self._remember_keypoints()
         if not self._localiser.uncertain:
@@ -102,14 +106,25 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         particles.resample(weights, count)
         return estimate
 
-    def _weigh(self, frame: Frame, dt: float, response: UprightResponse) -> Array:
+    def _localised(self, frame: Frame, angle: float) -> ResponseMap:
+        """Return the response about the last place, in a window turned by the better angle."""
+        localiser = self._localiser
+        found = localiser.localise(frame, localiser.center)
+        if (found.peak < _SHORT * localiser.usual_response
+                and abs(angle - localiser.angle) > _WORTH_TURNING):
+            other = localiser.localise(frame, localiser.center, angle)
+            if other.peak >= _GAIN * found.peak:
+                return other
+        return found
+
+    def _weigh(self, frame: Frame, dt: float, response: ResponseMap) -> Array:
         """Move the particles, and return their normalised weights, shape (N,)."""
         values, particles = self._parameters, self._particles
         change = self._measured_pose(frame, response.center, _REACH)
         particles.propose(
             dt, self._sigmas, float(values['ar']), None if change is None else change.matrix,
             float(values['keypoint_share']))
-        particles.gather(response.center, float(values['response_share']))
+        particles.gather(np.array(response.center), float(values['response_share']))
         logs = self._likelihood.log_likelihood(
             frame, particles.states, self._widths, change, self._state)
         logs *= _TEMPERED
@@ -122,22 +137,21 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         """Take place and size from the localiser; elsewhere, its rotation too."""
         if elsewhere:
             self._state = np.eye(3)
-            self._state[:2, :2] = affine.rotation(np.asarray(self._upright.angle))
+            self._state[:2, :2] = affine.rotation(np.asarray(self._localiser.angle))
         width, height = self._localiser.size
         growth = np.sqrt(width * height) / float(affine.scale(self._state))
         self._state[:2, :2] *= growth
         self._state[:2, 2] = self._localiser.center
         self._particles.grow(growth)
 
-    def _measured_pose(self, frame: Frame, center: Array, reach: float) -> PoseChange | None:
+    def _measured_pose(self, frame: Frame, center: Point, reach: float) -> PoseChange | None:
         """Return how the target's keypoints moved from where the last estimate has them."""
         if not self._parameters['keypoints']:
             self._memory = KeypointMemory(self._size)
             return None
         _, _, width, height = affine.bounds(self._state, self._size)
         reach *= 1 + min(self._memory.uncertainty / _UNCERTAIN, 1.0)
-        seen = self._detector.detect(
-            frame, (float(center[0]), float(center[1])), (width, height), reach)
+        seen = self._detector.detect(frame, center, (width, height), reach)
         return self._memory.measure(seen, self._state, self._rng)
 
     def _remember_keypoints(self) -> None:
@@ -147,11 +161,9 @@ class AffineKeypointParticleFilter(LocalisedTracker):
 
     def _estimate(self, weights: Array) -> Estimate:
         boxes = affine.ellipse_bounds(self._particles.states, self._size)
-        pose = np.eye(3)
-        pose[:2, :2] = affine.rotation(np.asarray(self._upright.angle))
-        pose[:2, 2] = self._localiser.center
-        shown = affine.ellipse_bounds(pose, self._localiser.size)
         # about the box that's reported, which isn't the particles' mean
-        return self._localiser.estimate(
-            spread_about(shown, boxes, weights), float(affine.angle(self._state)), boxes,
-            self._state @ np.diag([*self._size, 1.0]), Box.from_center(*shown))
+        shown = self._localiser.box
+        spread = spread_about(
+            np.array([*shown.center, shown.width, shown.height]), boxes, weights)
+        return self._localiser.estimate(spread, boxes, float(affine.angle(self._state)),
+                                        self._state @ np.diag([*self._size, 1.0]))

@@ -101,7 +101,7 @@ class ParticleTracker(LocalisedTracker):
         seen = not (found.hidden or localiser.uncertain or localiser.unseen_frames)
         missed = seen and weights @ responses < _MISSED * response.sample_one(found.place)
         covariance = np.zeros((4, 4)) if missed else spread_about(mean, boxes, weights)
-        return localiser.estimate(covariance, particles=boxes)
+        return localiser.estimate(covariance, boxes)
 
     def _adapt(self) -> None:
         """Make the filter anew when the target's size, or a parameter, has changed."""
@@ -129,7 +129,7 @@ class ParticleTracker(LocalisedTracker):
         self._filter.start(
             np.array([*self._localiser.center, 0.0, 0.0]), np.diag((_START * side)**2))
         return self._localiser.estimate(
-            np.zeros((4, 4)), particles=self._boxes(self._filter.belief.states))
+            np.zeros((4, 4)), self._boxes(self._filter.belief.states))
 
     def _correct(self, mean: Array) -> None:
         """Let the forecast build on the target's place; far from it, carry the particles there."""
@@ -149,7 +149,8 @@ class ParticleTracker(LocalisedTracker):
         """Return the states' boxes, shape (N, 4)."""
         boxes = np.empty((len(states), 4))
         boxes[:, :2] = states[:, :2]
-        boxes[:, 2:] = self._localiser.size
+        box = self._localiser.box
+        boxes[:, 2:] = box.width, box.height
         return boxes
 
 

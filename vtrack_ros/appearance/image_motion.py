@@ -1,7 +1,8 @@
-"""How a target moved from one frame to the next, and grew: by the optical flow of its points."""
+"""How the whole image moved from one frame to the next, and how the target did."""
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 import math
@@ -10,8 +11,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import PixelWindow
+from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Frame, Point
+
+#: Columns of the sparse grid of pixels that tells of the whole image, at most twice as many.
+_COLUMNS = 64
+#: A grid with fewer rows or columns shows nothing.
+_SMALLEST = 8
+#: Share of the correlation's energy in its peak below which nothing is known.
+_RELIABLE = 0.45
 
 #: Points along each side of the target, and which share of it they cover.
 _POINTS, _COVERED = 6, 0.9
@@ -30,9 +38,42 @@ _AGREES = 0.5
 _AGREEING = 0.5
 #: By which logarithm a target grows in a frame, at least, to be told from noise, and at most.
 _LEAST, _LARGEST = 0.01, 0.1
+#: By which angle a target turns in a frame, likewise, [rad].
+_LEAST_TURN, _LARGEST_TURN = 0.005, 0.5
 #: They went together if of those followed this share is within that distance of their median
 #: step, in sides.
 _TOGETHER, _NEAR = 0.9, 0.1
+
+
+class CameraMotion:
+    """
+    Measures the shift of the background by phase correlation [Kuglin and Hines 1975].
+
+    Of every so manieth pixel, so that it costs the same in any frame.
+    """
+
+    def __init__(self, frame: Frame) -> None:
+        self._latest, self._stride = self._sampled(frame)
+        rows, columns = self._latest.shape
+        self._taper = np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
+
+    def update(self, frame: Frame) -> Point | None:
+        """Return by how much the picture moved since the last frame, in pixels, or None."""
+        before = self._latest
+        self._latest, _ = self._sampled(frame)
+        if min(before.shape) < _SMALLEST:
+            return None
+        (x, y), reliability = cv2.phaseCorrelate(before, self._latest, self._taper)
+        if reliability < _RELIABLE:
+            return None
+        return x * self._stride, y * self._stride
+
+    @staticmethod
+    def _sampled(frame: Frame) -> tuple[NDArray[np.float32], int]:
+        stride = max(1, frame.shape[1] // _COLUMNS)
+        pixels = frame[::stride, ::stride]
+        green = pixels[:, :, 1] if pixels.ndim == 3 else pixels
+        return np.ascontiguousarray(green, np.float32), stride
 
 
 @dataclass(frozen=True)
@@ -42,7 +83,7 @@ class TargetMotion:
 
     `before` and `after`, shape (N,), are where they were and are, in pixels, as complex numbers
     whose real part is x, of `points` all together. The target had that `side`, and the picture so
-    many `samples` a pixel.
+    many `samples` a pixel. The window that they are from was turned by that `angle`, [rad].
     """
 
     before: NDArray[np.complex128]
@@ -50,6 +91,7 @@ class TargetMotion:
     points: int
     side: float
     samples: float
+    angle: float
 
     @cached_property
     def step(self) -> Point | None:
@@ -61,15 +103,27 @@ class TargetMotion:
         near = np.abs(steps - middle) < _NEAR * self.side
         if near.mean() < _TOGETHER:
             return None
-        mean = complex(steps[near].mean())
+        mean = cmath.rect(1.0, self.angle) * complex(steps[near].mean())
         return mean.real, mean.imag
 
-    @cached_property
+    @property
     def growth(self) -> float | None:
-        """
-        Return by which factor the target grew, or None where that can't be told.
+        """Return by which factor the target grew, or None where that can't be told."""
+        growth = None if self._similarity is None else abs(self._similarity)
+        return growth if growth and _LEAST < abs(math.log(growth)) < _LARGEST else None
 
-        The scale of the similarity transform that most points agree on: a consensus over pairs of
+    @property
+    def turn(self) -> float | None:
+        """Return by which angle, [rad], the target turned, or None where that can't be told."""
+        turn = None if self._similarity is None else cmath.phase(self._similarity)
+        return turn if turn and _LEAST_TURN < abs(turn) < _LARGEST_TURN else None
+
+    @cached_property
+    def _similarity(self) -> complex | None:
+        """
+        Return the factor and the rotation, as one number, of how the target moved.
+
+        Of the similarity transform that most points agree on: a consensus over pairs of
         points that are far apart on the grid, always the same ones [Fischler and Bolles 1981], and
         a least-squares fit to those that agree. OpenCV's own differs between its versions.
         """
@@ -85,8 +139,7 @@ class TargetMotion:
         if agrees.sum() < _AGREEING * self.points:
             return None
         own, its = (places[agrees] - places[agrees].mean() for places in (before, after))
-        growth = float(abs(np.vdot(own, its)) / np.vdot(own, own).real)
-        return growth if _LEAST < abs(math.log(max(growth, 1e-6))) < _LARGEST else None
+        return complex(np.vdot(own, its) / np.vdot(own, own).real)
 
     @property
     def _few(self) -> bool:
@@ -120,7 +173,9 @@ class TargetFlow:
         window = self.window
         samples = columns / window.width, rows / window.height
         # to a quarter of a sample: places that differ by rounding alone have the same flow
-        middle = np.subtract(self.center, (window.left, window.top))
+        x, y = turned((self.center[0] - window.center[0], self.center[1] - window.center[1]),
+                      -window.angle)
+        middle = np.array([x + window.width / 2, y + window.height / 2])
         points = np.rint(4 * (middle + _GRID * self.size) * samples) / 4 - 0.5
         before = points.astype(np.float32)
         pixels = window.sampled(frame, rows, columns)
@@ -131,7 +186,7 @@ class TargetFlow:
         followed = found & returned & (away < _CAME_BACK)
         then, after = (_complex(places[followed] / samples) for places in (before, there))
         return TargetMotion(then, after, len(points), math.sqrt(math.prod(self.size)),
-                            math.sqrt(math.prod(samples)))
+                            math.sqrt(math.prod(samples)), window.angle)
 
 
 def _complex(points: NDArray[np.floating]) -> NDArray[np.complex128]:

@@ -1,0 +1,168 @@
+"""Windows of a frame and grids of places against plain computations."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.sampling import PixelWindow, sample_grids
+
+
+def plain_window(image, center, size, shape):
+    """Sample an image bilinearly at the middles of the window's meshes; its border repeats."""
+    rows, columns = shape
+    height, width = image.shape[:2]
+    result = np.empty((rows, columns, *image.shape[2:]))
+    for row in range(rows):
+        for column in range(columns):
+            # nothing beyond the window's own pixels is looked at
+            x, y = (
+                middle + min(max((index + 0.5) / count * length, 0.5), length - 0.5)
+                - length / 2 - 0.5
+                for middle, index, count, length in (
+                    (center[0], column, columns, size[0]), (center[1], row, rows, size[1])))
+            left, top = math.floor(x), math.floor(y)
+            value = 0.0
+            for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+                share = (x - left if dx else 1 - x + left) * (y - top if dy else 1 - y + top)
+                pixel = image[min(max(top + dy, 0), height - 1), min(max(left + dx, 0), width - 1)]
+                value = value + share * pixel.astype(np.float64)
+            result[row, column] = value
+    return result
+
+
+def smooth_image(colour, shape=(90, 120), seed=0):
+    """Return smooth blobs, so that a rounding of coordinates to 1/32 px changes little."""
+    channels = np.random.default_rng(seed).normal(size=(*shape, 3 if colour else 1))
+    smooth = cv2.GaussianBlur(channels, (0, 0), 5).reshape(*shape, -1)
+    image = (128 + 45 * smooth / smooth.std()).clip(0, 255).astype(np.uint8)
+    return image if colour else image[:, :, 0]
+
+
+@pytest.mark.parametrize('colour', [True, False])
+@pytest.mark.parametrize('center, size, shape', [
+    ((60.0, 45.0), (30, 24), (24, 30)),
+    ((60.0, 44.5), (20, 13), (31, 37)),
+    ((2.0, 3.0), (30, 24), (20, 25)),
+    ((118.0, 88.0), (40, 40), (33, 33)),
+    ((60.0, 45.0), (160, 130), (80, 100)),
+], ids=['inside', 'enlarged', 'over the corner', 'over the other corner',
+        'larger than the image'])
+def test_a_window_is_the_bilinear_one(colour, center, size, shape):
+    """Where no pixel is skipped, to the precision of OpenCV's coordinates."""
+    image = smooth_image(colour)
+    window = PixelWindow.about(center, size)
+    assert window.center == center and (window.width, window.height) == size
+    found = window.sampled(image, *shape)
+    assert found.shape == plain_window(image, center, size, shape).shape
+    assert found.dtype == np.uint8
+    difference = np.abs(found - plain_window(image, center, size, shape))
+    assert difference.max() <= 2 and difference.mean() < 0.5
+
+
+def test_a_window_lies_on_whole_pixels():
+    """The nearest to what is asked for, and at least one pixel."""
+    assert PixelWindow.about((60.3, 44.8), (29.6, 24.2)) == PixelWindow(45, 33, 30, 24)
+    assert PixelWindow.about((10.0, 10.0), (0.1, 0.2)) == PixelWindow(10, 10, 1, 1)
+
+
+@pytest.mark.parametrize('center', [(301.0, 200.0), (300.0, 200.0), (10.0, 20.0)])
+def test_a_shrunk_window_stays_in_place(center):
+    """Pixels are skipped, but what was in a place stays there: a ramp is sampled as a ramp."""
+    y, x = np.mgrid[:400, :600] + 0.5
+    image = np.stack([x * 0.4, y * 0.6, x * 0.2 + y * 0.2], -1).astype(np.uint8)
+    size = (240, 180)
+    found = PixelWindow.about(center, size).sampled(image, 30, 40).astype(np.float64)
+    columns = (center[0] + ((np.arange(40) + 0.5) / 40 - 0.5) * size[0]).clip(0.5, 599.5)
+    rows = (center[1] + ((np.arange(30) + 0.5) / 30 - 0.5) * size[1]).clip(0.5, 399.5)
+    np.testing.assert_allclose(found[:, :, 0], np.tile(columns * 0.4, (30, 1)), atol=1.6)
+    np.testing.assert_allclose(found[:, :, 1], np.tile(rows * 0.6, (40, 1)).T, atol=1.6)
+
+
+def test_a_huge_window_over_the_border_stays_in_place():
+    """Of its pixels some are left out, by which it's half a sample off at most."""
+    x = np.arange(3000)
+    image = np.tile((x * 0.08).astype(np.uint8), (2000, 1))
+    found = PixelWindow.about((1000.0, 1000.0), (2800, 2600)).sampled(image, 65, 70)
+    columns = (1000 + ((np.arange(70) + 0.5) / 70 - 0.5) * 2800).clip(0.5, 2999.5)
+    np.testing.assert_allclose(found, np.tile(columns * 0.08, (65, 1)), atol=0.08 * 20 + 1)
+
+
+def test_what_is_inside_is_sampled_alike_over_the_border():
+    """A frame whose border repeats already has the same windows as one that ends there."""
+    image = smooth_image(True)
+    larger = np.pad(image, ((50, 50), (50, 50), (0, 0)), mode='edge')
+    for left, top in ((-20, -10), (100, 70), (-40, 30)):
+        np.testing.assert_array_equal(
+            PixelWindow(left, top, 45, 40).sampled(image, 20, 24),
+            PixelWindow(left + 50, top + 50, 45, 40).sampled(larger, 20, 24))
+
+
+@pytest.mark.parametrize('corner', [(-500, -300), (4000, 3000), (-500, 3000)])
+def test_a_window_outside_the_image_repeats_its_border(corner):
+    """Far away there is the nearest corner's colour."""
+    image = smooth_image(True)
+    found = PixelWindow(*corner, 30, 30).sampled(image, 5, 6)
+    nearest = image[0 if corner[1] < 0 else -1, 0 if corner[0] < 0 else -1]
+    np.testing.assert_array_equal(found, np.broadcast_to(nearest, (5, 6, 3)))
+
+
+def test_grids_are_sampled_exactly():
+    """Bilinearly and rounded, for every version of OpenCV: to the last grey level."""
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (20, 30), dtype=np.uint8)
+    # eighths of a pixel, so that no rounding of the computation itself counts
+    x = rng.integers(-40, 280, (3, 12)).astype(np.float32) / 8
+    y = rng.integers(-40, 200, (3, 9)).astype(np.float32) / 8
+    found = sample_grids(image, x, y)
+    assert found.shape == (3, 9, 12) and found.dtype == np.uint8
+    padded = np.pad(image.astype(float), 50, mode='edge')
+    for grid in range(3):
+        for row, column in np.ndindex(9, 12):
+            left, top = math.floor(x[grid, column]), math.floor(y[grid, row])
+            across, down = x[grid, column] - left, y[grid, row] - top
+            part = padded[top + 50:top + 52, left + 50:left + 52]
+            exact = np.array([1 - down, down]) @ part @ np.array([1 - across, across])
+            assert found[grid, row, column] == np.rint(exact)
+
+
+def bilinear(image, x, y):
+    """Return an image's values at places from the middle of the first pixel, one by one."""
+    left, top = math.floor(x), math.floor(y)
+    return sum(
+        (x - left if dx else 1 - x + left) * (y - top if dy else 1 - y + top)
+        * image[min(max(top + dy, 0), image.shape[0] - 1),
+                min(max(left + dx, 0), image.shape[1] - 1)].astype(float)
+        for dx in (0, 1) for dy in (0, 1))
+
+
+@pytest.mark.parametrize('colour', [True, False])
+@pytest.mark.parametrize('center', [(60.0, 45.0), (4.0, 80.0), (-300.0, 20.0)])
+@pytest.mark.parametrize('angle', [0.4, -2.0, math.pi])
+def test_a_turned_window_is_bilinear_to_a_32nd(angle, center, colour):
+    """With every OpenCV: to a grey level, even of noise; the frame's border repeats."""
+    shape = (90, 120, 3)[:2 + colour]
+    image = np.random.default_rng(0).integers(256, size=shape, dtype=np.uint8)
+    found = PixelWindow.about(center, (30, 24), angle).sampled(image, 16, 20)
+    for row, column in ((0, 0), (5, 19), (15, 7), (9, 12)):
+        along, down = 30 * ((column + 0.5) / 20 - 0.5), 24 * ((row + 0.5) / 16 - 0.5)
+        x = center[0] - 0.5 + math.cos(angle) * along - math.sin(angle) * down
+        y = center[1] - 0.5 + math.sin(angle) * along + math.cos(angle) * down
+        expected = bilinear(image, round(32 * x) / 32, round(32 * y) / 32)
+        np.testing.assert_allclose(found[row, column], expected, atol=1)
+
+
+@pytest.mark.parametrize('angle', [0.3, -1.2, 2.8])
+def test_a_turned_window_shows_a_turned_target_upright(angle):
+    """As an upright window does where the frame isn't turned; clockwise is positive."""
+    image, center = smooth_image(True, (200, 240)), (120.0, 100.0)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    middle = np.subtract(center, 0.5)
+    matrix = np.column_stack([turn, middle - turn @ middle])
+    turned = cv2.warpAffine(image, matrix, (240, 200), borderMode=cv2.BORDER_REPLICATE)
+    upright = PixelWindow.about(center, (60, 48)).sampled(image, 30, 40)
+    seen = PixelWindow.about(center, (60, 48), angle).sampled(turned, 30, 40)
+    assert np.abs(seen.astype(int) - upright).max() <= 3

@@ -1,0 +1,121 @@
+"""Sampling a frame: windows of whole pixels, upright or turned, and grids of places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vtrack_ros.frame import Frame, Point
+
+#: Of a larger window that reaches beyond the frame, some pixels are left out.
+_MOST_PIXELS = 1 << 20
+#: Steps between two pixels at which OpenCV samples exactly alike in every version.
+_FINE = 32
+
+
+@dataclass(frozen=True)
+class PixelWindow:
+    """
+    A part of a frame, in whole pixels, which may reach beyond its border.
+
+    It may be turned about its centre, by an angle [rad], clockwise as one looks at the image.
+    Every version of OpenCV samples it in the same way.
+    """
+
+    left: int
+    top: int
+    width: int
+    height: int
+    angle: float = 0.0
+
+    @classmethod
+    def about(cls, center: Point, size: Point, angle: float = 0.0) -> PixelWindow:
+        """Return the window next to one of that centre and size, in pixels."""
+        width, height = (max(1, round(length)) for length in size)
+        left, top = round(center[0] - width / 2), round(center[1] - height / 2)
+        return cls(left, top, width, height, angle)
+
+    @property
+    def center(self) -> Point:
+        """Return the centre, in pixels."""
+        return self.left + self.width / 2, self.top + self.height / 2
+
+    def sampled(self, frame: Frame, rows: int, columns: int) -> Frame:
+        """
+        Return so many samples of it; the frame's border repeats.
+
+        Where several pixels fall on one sample, a regular subset of them is used.
+        """
+        if self.angle:
+            return self._turned(frame, rows, columns)
+        part, margins = frame, []
+        stride = 1 + math.isqrt(self.width * self.height // _MOST_PIXELS)
+        for axis, start, length in ((0, self.top, self.height), (1, self.left, self.width)):
+            first = min(max(start, 0), frame.shape[axis] - 1)
+            last = min(max(start + length, first + 1), frame.shape[axis])
+            part = part[first:last] if axis == 0 else part[:, first:last]
+            before = min(max(first - start, 0), length - 1)
+            margins += [before, length - before - (last - first)]
+        if any(margins):
+            above, below, before, after = (margin // stride for margin in margins)
+            part = cv2.copyMakeBorder(
+                part[::stride, ::stride], above, below, before, after, cv2.BORDER_REPLICATE)
+        window: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
+        return window
+
+    def _turned(self, frame: Frame, rows: int, columns: int) -> Frame:
+        """Sample a turned window: bilinearly, at places to a 32nd of a pixel."""
+        along = self.width * ((np.arange(columns) + 0.5) / columns - 0.5)
+        down = self.height * ((np.arange(rows)[:, None] + 0.5) / rows - 0.5)
+        cosine, sine = math.cos(self.angle), math.sin(self.angle)
+        x = self.center[0] + cosine * along - sine * down
+        y = self.center[1] + sine * along + cosine * down
+        # OpenCV counts from the middle of the first pixel; beyond the border nothing changes
+        places = np.stack([(place - 0.5).clip(-1, length) for place, length in zip(
+            (x, y), frame.shape[1::-1])], axis=-1)
+        fine = np.rint(_FINE * places).astype(np.int32)
+        parts = fine % _FINE
+        window: Frame = cv2.remap(
+            frame, (fine // _FINE).astype(np.int16),
+            (_FINE * parts[..., 1] + parts[..., 0]).astype(np.uint16), cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE)
+        return window
+
+
+def turned(offset: Point, angle: float) -> Point:
+    """Return an offset turned by an angle, [rad], clockwise as one looks at the image."""
+    if not angle:
+        return offset
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * offset[0] - sine * offset[1], sine * offset[0] + cosine * offset[1]
+
+
+def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -> Frame:
+    """
+    Return an image's values at the crossings of columns and rows; its border repeats.
+
+    Of N grids, `x`, shape (N, columns), and `y`, shape (N, rows), count from the middle of the
+    first pixel; the result's shape is (N, rows, columns). Bilinear, and rounded: OpenCV's `remap`
+    does it to a 32nd of a pixel or exactly, as its version may be.
+    """
+    (above, below, down), (before, after, across) = (
+        _neighbours(at, length) for at, length in zip((y, x), image.shape))
+    values = image.astype(np.float32)
+    rows = values[above]
+    rows += down[..., None] * (values[below] - rows)
+    lines, grids = rows.transpose(0, 2, 1), np.arange(len(x))[:, None]
+    result = lines[grids, before]
+    result += across[..., None] * (lines[grids, after] - result)
+    return np.rint(result).astype(np.uint8).transpose(0, 2, 1)
+
+
+def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
+        NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+    """Return the pixels before and after a place along a side, and the share of the second."""
+    first = np.floor(at)
+    index = first.astype(np.intp)
+    return index.clip(0, length - 1), (index + 1).clip(0, length - 1), at - first
