@@ -34,8 +34,8 @@ SMALLEST, LARGEST = 0.2, 5.0
 #: similarity. Of 1,069 second frames in which the target was found one in ten has less response,
 #: one in fifty less similarity; of two in which it had darted off, both have far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
-#: In every so manieth frame a target that has turned is looked at upright, too.
-_ANCHOR_EVERY = 4
+#: In every so manieth frame a target that has turned is looked at by other angles, too.
+_TURNED_EVERY = 4
 #: The least that the usual similarity is taken for where others are compared with it.
 _LEAST_USUAL = 0.1
 
@@ -264,8 +264,8 @@ class Localiser:
             model = model.with_colours(window, shift)
         self._verify(window, center, response)
         turn = live.turn if window.angle == live.angle else window.angle
-        if self._frames % _ANCHOR_EVERY == 0 and self._template.is_upright(frame, window, center):
-            turn = 0.0
+        if window.angle and self._frames % _TURNED_EVERY == 0:
+            turn = self._template.angle(frame, window, center)
         return TargetSnapshot(
             model.updated(window, shift, self._first_model), center, size, live.usual_response,
             live.usual_similarity, turn)

@@ -23,9 +23,10 @@ _LEAST_PART = 0.1
 #: Power of the colours' share, and the least that it's taken for: light takes all colours away.
 _COLOUR_POWER, _LEAST_COLOUR = 0.25, 0.3
 
-#: A target that has turned by more than this, [rad], stands upright where it's so similar upright,
-#: as a share of the similarity that it has as it's turned.
+#: A target that has turned by more than this, [rad], stands upright where it has that share of the
+#: similarity that it has as it's turned, and a step further where it has so many times as much.
 _ANCHORED, _UPRIGHT = 0.1, 0.9
+_STEP, _BETTER = 0.1, 1.05
 
 #: Tracking fails when the response falls below this share of the usual one, or the similarity
 #: below its share (or below a level that is trusted in every target).
@@ -102,18 +103,24 @@ class InitialTemplate:
         similarity *= min(max(colour, _LEAST_COLOUR), 1.0)**_COLOUR_POWER
         return similarity
 
-    def is_upright(self, frame: Frame, window: SearchWindow, place: Point) -> bool:
+    def angle(self, frame: Frame, window: SearchWindow, place: Point) -> float:
         """
-        Tell whether a target that was seen in a turned window stands upright all the same.
+        Return by which angle, [rad], a target has turned that was seen in a turned window.
 
-        Its place is in pixels. A rotation that is added up from steps drifts; but who stands as at
-        first is about as similar upright as in the window, and who doesn't is far less so.
+        Its place is in pixels. A rotation that is added up from steps drifts, so angles about it
+        are looked at; and who stands as at first is about as similar upright as in the window.
         """
         if abs(window.angle) < _ANCHORED:
-            return False
-        upright = window.layout.window(frame, place, window.size)
+            return window.angle
+        near = [math.remainder(window.angle + step, math.tau) for step in (-_STEP, _STEP)]
+        upright, *others = (
+            self.similarity(window.layout.window(frame, place, window.size, angle))
+            for angle in (0.0, *near))
         own = self.similarity(window, window.shift(place))
-        return self.similarity(upright) > _UPRIGHT * own
+        if upright > _UPRIGHT * own:
+            return 0.0
+        best, angle = max(zip(others, near))
+        return angle if best > _BETTER * own else window.angle
 
 
 def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:
