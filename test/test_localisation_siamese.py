@@ -7,6 +7,7 @@ from pathlib import Path
 import re
 
 import cv2
+from drawn_card import DrawnCard
 from drawn_video import box_at, DrawnVideo, START, straight, TARGET
 import numpy as np
 import pytest
@@ -175,6 +176,19 @@ def test_another_localiser_keeps_the_target(name, siamese):
         estimate = tracker.update(video.frame(center))
         assert estimate.box.iou(box_at(center)) > 0.5
         assert estimate.state is TrackState.TRACKING
+
+
+def test_a_network_s_boxes_are_not_turned(siamese):
+    """A target that has turned by a right angle has a box of the network's own aspect, upright."""
+    drawn, center = DrawnCard(), (150.0, 120.0)
+    tracker = create_tracker('gmpf', seed=1)
+    tracker.start(drawn.frame(center), drawn.box(center))
+    for index in range(1, 33):
+        estimate = tracker.update(drawn.frame(center, 0.05 * index, seed=index))
+    assert estimate.angle == pytest.approx(1.6, abs=0.15)
+    tracker.configure(**siamese)
+    estimate = tracker.update(drawn.frame(center, 1.6))
+    assert estimate.angle == 0 and estimate.affine is None
 
 
 def test_a_lost_target_is_found_by_another_localiser(siamese):

@@ -149,7 +149,7 @@ class SiameseLocaliser(Localiser):
     """
     Localises a target by a Siamese network, which doesn't learn.
 
-    Its boxes have their own aspect. Presence and re-detection are `Localiser`'s: the initial
+    Its boxes have their own aspect, and none is turned. Presence and re-detection are `Localiser`'s: the initial
     template decides, that of a correlation filter.
     """
 
@@ -178,7 +178,8 @@ class SiameseLocaliser(Localiser):
         window = live.model.layout.window(frame, center, size)
         self._verify(window, center, response)
         assert isinstance(live.model, SiameseModel)
-        return replace(live, model=live.model.seen(self._similarity), center=center, size=size)
+        return replace(live, model=live.model.seen(self._similarity), center=center, size=size,
+                       turn=0.0)
 
     def _bounded(self, size: Point) -> Point:
         """Bound a size: who is out of sight may not drift far."""

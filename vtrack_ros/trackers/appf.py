@@ -110,7 +110,7 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         """Return the response about the last place, in a window turned by the better angle."""
         localiser = self._localiser
         found = localiser.localise(frame, localiser.center)
-        if (found.peak < _SHORT * localiser.usual_response
+        if (found.peak < _SHORT * localiser.usual_response and localiser.network is None
                 and abs(angle - localiser.angle) > _WORTH_TURNING):
             other = localiser.localise(frame, localiser.center, angle)
             if other.peak >= _GAIN * found.peak:
