@@ -149,8 +149,8 @@ class SiameseLocaliser(Localiser):
     """
     Localises a target by a Siamese network, which doesn't learn.
 
-    Its boxes have their own aspect, and none is turned. Presence and re-detection are `Localiser`'s: the initial
-    template decides, that of a correlation filter.
+    Its boxes have their own aspect, and none is turned. Presence and re-detection are
+    `Localiser`'s: the initial template decides, that of a correlation filter.
     """
 
     #: The network sees further than filters do, and takes ten times as long.
