@@ -128,8 +128,7 @@ class Hypotheses:
     @property
     def box(self) -> Box:
         """Return the target's bound; while both models agree, of the size between theirs."""
-        width, height = (self._growth * side for side in self.size)
-        return Box.around_ellipse(self.center, (width, height), self.angle)
+        return Box.around_ellipse(self.center, self._shown_size, self.angle)
 
     @property
     def reach(self) -> Point:
@@ -214,10 +213,14 @@ class Hypotheses:
         for each in self._similarities:
             each.transform(growth, turn)
 
-    def estimate(self, covariance: Array, particles: Array | None = None,
-                 angle: float | None = None, affine: Array | None = None) -> Estimate:
+    def estimate(self, covariance: Array, particles: Array | None = None) -> Estimate:
         """Return the leader's estimate, with this box; see `Localiser.estimate`."""
-        return self._leader.estimate(covariance, particles, angle, affine, self.box)
+        return self._leader.estimate(covariance, particles, self._shown_size)
+
+    @property
+    def _shown_size(self) -> Point:
+        width, height = self.size
+        return self._growth * width, self._growth * height
 
     def _questionable(self) -> bool:
         """Tell whether the two disagree, or the leader isn't like itself, or they're new."""

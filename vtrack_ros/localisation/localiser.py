@@ -212,26 +212,22 @@ class Localiser:
         self.resume(self._live, leader)
 
     def estimate(self, covariance: Array, particles: Array | None = None,
-                 angle: float | None = None, affine: Array | None = None,
-                 box: Box | None = None) -> Estimate:
+                 size: Point | None = None) -> Estimate:
         """
-        Return the estimate; angle and box are the target's own where none is given.
+        Return the estimate; the size is the target's own where none is given.
 
         No variance is less than what no filter knows: the error of the model itself, which drifts
         from where the target was pointed out, and of a target that isn't seen.
         """
-        box = box or self.box
-        if angle is None:
-            angle = self.angle
-        if affine is None and angle:
-            affine = transformation(self.center, self.size, angle)
+        center, angle, size = self.center, self.angle, size or self.size
+        box = Box.around_ellipse(center, size, angle)
         unseen = self._presence.unseen_frames
         least = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, unseen)
         missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
             box=box, angle=angle, covariance=covariance + np.diag(missing),
             confidence=self._presence.confidence, state=state_after(unseen), particles=particles,
-            affine=affine)
+            affine=transformation(center, size, angle) if angle else None)
 
     def _restart(self, center: Point, size: Point, similarity: float) -> None:
         """Begin again with what was learned first, at a place so similar to the first one."""

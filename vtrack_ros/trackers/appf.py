@@ -1,5 +1,7 @@
 """APPF: a particle filter on the affine group, steered by keypoints and by the response."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths
@@ -165,5 +167,6 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         shown = self._localiser.box
         spread = spread_about(
             np.array([*shown.center, shown.width, shown.height]), boxes, weights)
-        return self._localiser.estimate(spread, boxes, float(affine.angle(self._state)),
-                                        self._state @ np.diag([*self._size, 1.0]))
+        return replace(
+            self._localiser.estimate(spread, boxes), angle=float(affine.angle(self._state)),
+            affine=self._state @ np.diag([*self._size, 1.0]))
