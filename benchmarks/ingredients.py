@@ -41,7 +41,7 @@ from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
-KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0, 'twin': 0.2}
+KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'roll': 30.0, 'hidden': 30.0, 'twin': 0.2}
 ALL = 'all of them'
 
 _search, _forecast, _update = GuidedSearch.search, GuidedSearch._forecast, Redetection.update
