@@ -1,8 +1,7 @@
 """
-What is computed of a window's pixels: its samples, oriented gradients and colour names.
+What is computed of a window's samples: oriented gradients and colour names.
 
-Every function's cost depends on the number of samples alone, and neither on the window's size nor
-on the frame's; but of a window over the frame's border up to a million pixels are copied.
+Every function's cost depends on the number of samples alone.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Sampling a frame: windows of whole pixels, upright or turned, and grids of places."""
+"""
+Sampling a frame: windows of whole pixels, upright or turned, and grids of places.
+
+The cost depends on the number of samples, and neither on the window's size nor on the frame's; but
+of an upright window over the frame's border up to a million pixels are copied.
+"""
 
 from __future__ import annotations
 

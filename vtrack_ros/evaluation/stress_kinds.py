@@ -12,7 +12,7 @@ from vtrack_ros.evaluation.metrics import present
 from vtrack_ros.evaluation.stress_plan import (
     edited, Footage, Frames, moved, now_and_then, room, StressPlan, stretches, thinned)
 from vtrack_ros.frame import Frame
-from vtrack_ros.geometry import affine
+from vtrack_ros.geometry import Box
 
 #: Frames of one gap and of what is left around it, together.
 GAP_PERIOD = 25
@@ -86,12 +86,10 @@ def _roll(footage: Footage, severity: float, rng: np.random.Generator) -> Stress
     side, period = rng.choice([-1.0, 1.0]), rng.uniform(*_ROLL)
     phases = 2 * math.pi * np.arange(len(footage.truth)) / period
     angles = side * math.radians(severity) * np.sin(phases)
-    sizes = footage.truth[:, 2:]
-    linear = affine.rotation(angles) * sizes[:, None]
-    truth = footage.truth.copy()
-    truth[:, 2:] = np.linalg.norm(linear, axis=-1)
-    truth[:, :2] += (sizes - truth[:, 2:]) / 2
     centers = footage.boxes[:, :2] + footage.boxes[:, 2:] / 2
+    bounds = [Box.around_ellipse(center, size, angle).as_array() for center, size, angle in zip(
+        centers.tolist(), footage.boxes[:, 2:].tolist(), angles.tolist())]
+    truth = np.where(present(footage.truth)[:, None], bounds, np.nan)
     return edited(footage, lambda index, frame, rng: change.rolled(
         frame, centers[index], angles[index]), truth)
 
