@@ -155,6 +155,40 @@ def test_a_turned_window_is_bilinear_to_a_32nd(angle, center, colour):
         np.testing.assert_allclose(found[row, column], expected, atol=1)
 
 
+@pytest.mark.parametrize('colour', [True, False])
+def test_a_turned_window_of_a_long_frame_is_that_of_its_part(colour):
+    """A side of 32,766 px is the most that OpenCV samples: a scanner's frames are longer."""
+    part = smooth_image(colour)
+    frame = np.zeros((90, 40_000, *part.shape[2:]), np.uint8)
+    frame[:, -120:] = part
+    for x in (60, 110):
+        found = PixelWindow.about((39_880 + x, 40), (30, 24), 0.4).sampled(frame, 16, 20)
+        assert np.array_equal(
+            found, PixelWindow.about((x, 40), (30, 24), 0.4).sampled(part, 16, 20))
+
+
+def test_a_turned_window_may_be_longer_than_that():
+    """A ramp is sampled as a ramp, if not of every pixel."""
+    ramp = np.linspace(0, 250, 80_000)[None].repeat(30, axis=0).astype(np.uint8)
+    window = PixelWindow.about((40_000, 15), (70_000, 20), math.pi)
+    found = window.sampled(ramp, 4, 50).astype(np.float64)
+    columns = 40_000 - 70_000 * ((np.arange(50) + 0.5) / 50 - 0.5)
+    assert np.abs(found - columns / 80_000 * 250).max() < 2
+
+
+@pytest.mark.parametrize('center', [(-500, -500), (900, 900), (-500, 40), (60, 900)])
+def test_a_turned_window_beyond_the_frame_shows_its_border(center):
+    """What is nearest: the pixel of a corner, or of a side."""
+    image = smooth_image(True)
+    found = PixelWindow.about(center, (30, 24), 0.4).sampled(image, 16, 20)
+    nearest = image[-1 if center[1] > 90 else 0, -1 if center[0] > 120 else 0]
+    if abs(center[0]) > 200 and abs(center[1]) > 200:
+        assert (found == nearest).all()
+    else:
+        side = image[-1] if center[1] > 90 else image[:, 0]
+        assert found.min() >= side.min() and found.max() <= side.max()
+
+
 @pytest.mark.parametrize('angle', [0.3, -1.2, 2.8])
 def test_a_turned_window_shows_a_turned_target_upright(angle):
     """As an upright window does where the frame isn't turned; clockwise is positive."""

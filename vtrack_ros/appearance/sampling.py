@@ -20,6 +20,8 @@ from vtrack_ros.frame import Frame, Point
 _MOST_PIXELS = 1 << 20
 #: Steps between two pixels at which OpenCV samples exactly alike in every version.
 _FINE = 32
+#: Side of what OpenCV samples at places: less than a sixteen-bit integer has.
+_LONGEST_SIDE = 32_000
 
 
 @dataclass(frozen=True)
@@ -82,10 +84,16 @@ class PixelWindow:
         # OpenCV counts from the middle of the first pixel; beyond the border nothing changes
         places = np.stack([(place - 0.5).clip(-1, length) for place, length in zip(
             (x, y), frame.shape[1::-1])], axis=-1)
-        fine = np.rint(_FINE * places).astype(np.int32)
+        fine = np.rint(_FINE * places).astype(np.int64)
+        # of a larger frame, or window, OpenCV takes a part, or a subset
+        least, most = fine.min(axis=(0, 1)) // _FINE, fine.max(axis=(0, 1)) // _FINE
+        left, top = first = np.clip(least, 0, np.subtract(frame.shape[1::-1], 1))
+        right, bottom = most + 2
+        stride = 1 + max(0, int((most - first).max())) // _LONGEST_SIDE
+        fine = (fine - _FINE * first) // stride
         parts = fine % _FINE
         window: Frame = cv2.remap(
-            frame, (fine // _FINE).astype(np.int16),
+            frame[top:bottom:stride, left:right:stride], (fine // _FINE).astype(np.int16),
             (_FINE * parts[..., 1] + parts[..., 0]).astype(np.uint16), cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE)
         return window
