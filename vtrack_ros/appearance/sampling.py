@@ -20,8 +20,8 @@ from vtrack_ros.frame import Frame, Point
 _MOST_PIXELS = 1 << 20
 #: Steps between two pixels at which OpenCV samples exactly alike in every version.
 _FINE = 32
-#: Side of what OpenCV samples at places: less than a sixteen-bit integer has.
-_LONGEST_SIDE = 32_000
+#: Of a longer turned window, some pixels are left out: OpenCV samples at places up to 32,766.
+_LONGEST_SIDE = 20_000
 
 
 @dataclass(frozen=True)
@@ -76,26 +76,32 @@ class PixelWindow:
 
     def _turned(self, frame: Frame, rows: int, columns: int) -> Frame:
         """Sample a turned window: bilinearly, at places to a 32nd of a pixel."""
+        stride = 1 + max(self.width, self.height) // _LONGEST_SIDE
+        if stride > 1:
+            center = self.center[0] / stride, self.center[1] / stride
+            size = self.width / stride, self.height / stride
+            return self.about(center, size, self.angle)._turned(
+                frame[::stride, ::stride], rows, columns)
         along = self.width * ((np.arange(columns) + 0.5) / columns - 0.5)
         down = self.height * ((np.arange(rows)[:, None] + 0.5) / rows - 0.5)
         cosine, sine = math.cos(self.angle), math.sin(self.angle)
         x = self.center[0] + cosine * along - sine * down
         y = self.center[1] + sine * along + cosine * down
-        # OpenCV counts from the middle of the first pixel; beyond the border nothing changes
-        places = np.stack([(place - 0.5).clip(-1, length) for place, length in zip(
-            (x, y), frame.shape[1::-1])], axis=-1)
-        fine = np.rint(_FINE * places).astype(np.int64)
-        # of a larger frame, or window, OpenCV takes a part, or a subset
-        least, most = fine.min(axis=(0, 1)) // _FINE, fine.max(axis=(0, 1)) // _FINE
-        left, top = first = np.clip(least, 0, np.subtract(frame.shape[1::-1], 1))
-        right, bottom = most + 2
-        stride = 1 + max(0, int((most - first).max())) // _LONGEST_SIDE
-        fine = (fine - _FINE * first) // stride
-        parts = fine % _FINE
+        part, cells, fractions = frame, np.empty((rows, columns, 2), np.int16), []
+        for axis, place in ((1, x), (0, y)):
+            length = frame.shape[axis]
+            # OpenCV counts from the middle of the first pixel; beyond the border nothing changes
+            fine = np.rint(_FINE * (place - 0.5).clip(-1, length)).astype(np.int32)
+            pixel = fine // _FINE
+            # of a frame longer than it samples, the part with all these places
+            first = min(max(int(pixel.min()), 0), length - 1)
+            last = max(int(pixel.max()), first)
+            part = part[first:last + 2] if axis == 0 else part[:, first:last + 2]
+            cells[..., 1 - axis] = pixel - first
+            fractions.append(fine - _FINE * pixel)
         window: Frame = cv2.remap(
-            frame[top:bottom:stride, left:right:stride], (fine // _FINE).astype(np.int16),
-            (_FINE * parts[..., 1] + parts[..., 0]).astype(np.uint16), cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE)
+            part, cells, (_FINE * fractions[1] + fractions[0]).astype(np.uint16),
+            cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return window
 
 
