@@ -122,7 +122,8 @@ def test_a_saved_target_is_one_or_refused(data, name, value):
             target = SavedTarget.parsed(text)
             if np.prod(target.shape) > 10**6:
                 continue
-            for image in (target.frame(), target.exemplar().placed(target.box, target.shape)):
+            for image in (target.measurement().frame,
+                          target.exemplar().placed(target.box, target.shape, target.angle)):
                 sound(image, target.shape[1], target.shape[0])
         except ValueError:
             pass

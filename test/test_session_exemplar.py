@@ -36,6 +36,15 @@ def test_it_fills_another_box():
     np.testing.assert_allclose(placed[65:75, 10:110], np.tile(columns[10:110], (10, 1)), atol=1.5)
 
 
+@pytest.mark.parametrize('colour', [True, False])
+def test_it_turns_clockwise_about_the_box(colour):
+    """By a quarter turn, what was to the right of the target is below it."""
+    frame, box = smooth(240, 320, colour), Box(130, 90, 40, 40)
+    placed = Exemplar.of(frame, box).placed(box, frame.shape, np.pi / 2)
+    difference = placed[40:180, 80:220].astype(int) - np.rot90(frame[40:180, 80:220], -1)
+    assert np.abs(difference).max() <= 1
+
+
 def test_a_large_one_is_kept_small():
     """At most 256 pixels wide, and shown in its size again."""
     frame, box = smooth(1200, 1600), Box(500, 400, 300, 240)

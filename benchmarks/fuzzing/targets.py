@@ -116,7 +116,7 @@ def saved_target(data: bytes) -> None:
         except ValueError:
             continue
         target.check(np.zeros((7, 9, 3), np.uint8), 10**9, 'camera', 10**9, 1e9)
-        _sound(target.frame())
+        _sound(target.measurement().frame)
         _sound(target.exemplar().placed(target.box, target.shape))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.affine import rotation
 
 #: A picture shows so many times the target's sides, all that a search window may reach.
 _SHOWN = 4.0
@@ -33,16 +34,19 @@ class Exemplar:
         return cls(picture.copy(), Box((box.x - left) * across, (box.y - top) * down,
                                        box.width * across, box.height * down))
 
-    def placed(self, box: Box, shape: tuple[int, ...]) -> Frame:
-        """Return an image of a shape with the target in a box; the picture's border repeats."""
-        across, down = box.width / self.box.width, box.height / self.box.height
+    def placed(self, box: Box, shape: tuple[int, ...], angle: float = 0.0) -> Frame:
+        """
+        Return an image of a shape with the target in a box; the picture's border repeats.
+
+        The target is turned, with all about it, by an angle about the box's centre, [rad].
+        """
+        scale = np.array([box.width / self.box.width, box.height / self.box.height])
+        turn = rotation(np.asarray(angle)) * scale
         # OpenCV counts from the centre of a pixel, boxes from its outer corner
-        matrix = np.array([
-            [across, 0.0, box.x + (0.5 - self.box.x) * across - 0.5],
-            [0.0, down, box.y + (0.5 - self.box.y) * down - 0.5]])
+        moved = np.array(box.center) - 0.5 + turn @ (0.5 - np.array(self.box.center))
         return np.asarray(cv2.warpAffine(
-            self.picture, matrix, (shape[1], shape[0]), flags=cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE), np.uint8)
+            self.picture, np.column_stack([turn, moved]), (shape[1], shape[0]),
+            flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8)
 
 
 def surroundings(frame: Frame, box: Box) -> tuple[int, int, int, int]:

@@ -7,6 +7,7 @@ import binascii
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 import json
+import math
 from typing import Any
 
 import cv2
@@ -15,6 +16,7 @@ import numpy as np
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.exemplar import Exemplar, shrunk, surroundings
+from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.session import TrackingSession
 
 #: How the text begins; what doesn't is none of ours.
@@ -32,7 +34,8 @@ class SavedTarget:
     the usual one between frames (0: unknown), `time` [ns] the wall clock when it was saved. `node`
     and `tracker` are names, `identity` is the target's class and id. `picture` is a JPEG of the
     frame's region (left, top, width, height) [px] about the target; `first_picture` one of the
-    target when it was selected, and `first_box` its box in that.
+    target when it was selected, and `first_box` its box in that. Since then it has turned by the
+    `angle`, [rad]; the box is what it would be if it hadn't.
     """
 
     node: str
@@ -48,6 +51,7 @@ class SavedTarget:
     picture: bytes
     first_box: Box
     first_picture: bytes
+    angle: float = 0.0
 
     @classmethod
     def of(cls, session: TrackingSession, identity: tuple[str, str], node: str, frame_id: str,
@@ -63,11 +67,11 @@ class SavedTarget:
         tracker, interval = session.tracker, round(session.interval or 0)
 
         def make() -> SavedTarget:
-            left, top, width, height = region = surroundings(seen.frame, seen.box)
+            left, top, width, height = region = surroundings(seen.frame, seen.bound)
             picture = shrunk(seen.frame[top:top + height, left:left + width])
             return cls(node, tracker, identity, time, seen.stamp, interval, frame_id,
                        seen.frame.shape, seen.box, region, _encoded(picture), first.box,
-                       _encoded(first.picture))
+                       _encoded(first.picture), seen.angle)
         return make
 
     @classmethod
@@ -85,6 +89,8 @@ class SavedTarget:
             shape = tuple(map(_integer, rows['shape']))
             left, top, width, height = map(_integer, rows['region'])
             box, first_box = (Box(**rows[name]) for name in ('box', 'first_box'))
+            # not in the files of earlier versions
+            angle = float(rows.get('angle', 0.0))
             picture, first_picture = (base64.b64decode(rows[name], validate=True)
                                       for name in ('picture', 'first_picture'))
         except (AttributeError, binascii.Error, KeyError, RecursionError, TypeError,
@@ -96,8 +102,10 @@ class SavedTarget:
             raise ValueError('its picture is not inside the image')
         if box.clipped(shape[1], shape[0]) is None:
             raise ValueError('its box is not inside the image')
+        if not abs(angle) <= math.tau:
+            raise ValueError(f'a target has not turned by {angle} rad')
         return cls(node, tracker, (class_id, target_id), time, stamp, interval, frame_id, shape,
-                   box, (left, top, width, height), picture, first_box, first_picture)
+                   box, (left, top, width, height), picture, first_box, first_picture, angle)
 
     def text(self) -> str:
         """Return it as JSON."""
@@ -129,13 +137,18 @@ class SavedTarget:
         if stamp < self.stamp:
             raise ValueError('its image is stamped after the one that came: another stream')
 
-    def frame(self) -> Frame:
-        """Return an image with nothing but the picture; ValueError if it can't be decoded."""
+    def measurement(self) -> LastMeasurement:
+        """
+        Return where it was last measured, on an image with nothing but the picture.
+
+        ValueError if that can't be decoded.
+        """
         left, top, width, height = self.region
         pixels = cv2.resize(
             self._decoded(self.picture), (width, height), interpolation=cv2.INTER_LINEAR)
         rest = (top, self.shape[0] - top - height, left, self.shape[1] - left - width)
-        return np.asarray(cv2.copyMakeBorder(pixels, *rest, cv2.BORDER_REPLICATE), np.uint8)
+        frame = np.asarray(cv2.copyMakeBorder(pixels, *rest, cv2.BORDER_REPLICATE), np.uint8)
+        return LastMeasurement(frame, self.stamp, self.box, self.angle)
 
     def exemplar(self) -> Exemplar:
         """Return what the target looked like at first; ValueError if it can't be decoded."""

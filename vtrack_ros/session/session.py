@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+import math
 from statistics import median
 from typing import Any
 
@@ -12,14 +12,15 @@ import numpy as np
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
 from vtrack_ros.session.exemplar import Exemplar
+from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.motion_filter import Motion, MotionFilter
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
 
 #: A longer gap than this, in frames, says nothing about how far a target moved.
 LONGEST_STEP = 30.0
 #: How often a target that's taken up is shown as it was seen last, and how much the box that it's
-#: found in has to overlap the one of then.
-_TAKE_UP_UPDATES, _SAME_PLACE = 5, 0.5
+#: found in has to overlap the one of then; before, it's shown turning by steps of that, [rad].
+_TAKE_UP_UPDATES, _SAME_PLACE, _TAKE_UP_TURN = 5, 0.5, 0.1
 #: How many of the latest intervals the usual one is the median of.
 _USUAL = 15
 #: How many of them tell the camera's own interval, where frames are lost.
@@ -80,15 +81,6 @@ class FrameIntervalEstimator:
             period = max(1.0, float(np.median(intervals)))
             jitter = float(np.median(np.abs(intervals - period)))
         self._period, self._jitter = period, jitter
-
-
-@dataclass(frozen=True)
-class LastMeasurement:
-    """The target's box where it was last measured, on that frame, stamped in nanoseconds."""
-
-    frame: Frame
-    stamp: int
-    box: Box
 
 
 class TrackingSession:
@@ -166,24 +158,31 @@ class TrackingSession:
         self._frame, self._stamp = frame, stamp
         self._motion.add(self._estimate, stamp)
         if self._estimate.measured:
-            self._last_measurement = LastMeasurement(frame, stamp, self._estimate.box)
+            estimate = self._estimate
+            self._last_measurement = LastMeasurement(
+                frame, stamp, estimate.upright, estimate.angle)
         return self._estimate
 
-    def take_up(self, frame: Frame, stamp: int, box: Box, interval: int,
-                exemplar: Exemplar) -> None:
+    def take_up(self, seen: LastMeasurement, interval: int, exemplar: Exemplar) -> None:
         """
-        Begin where another session ended, on the frame on which it last measured the target.
+        Begin where another session ended, on what it measured last.
 
         `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`. The
         target is learned from its exemplar, for what was seen last is off by a little, and that
-        would add up from session to session; then what was seen last is learned too. Only where
-        the target isn't recognised by its exemplar any more it's learned from that alone.
+        would add up from session to session; it's shown turning until it's as it was seen last,
+        and then that is learned too. Only where the target isn't recognised by its exemplar any
+        more it's learned from that alone.
         """
-        self.start(exemplar.placed(box, frame.shape), stamp, box)
+        frame, stamp, shape = seen.frame, seen.stamp, seen.frame.shape
+        self.start(exemplar.placed(seen.box, shape), stamp, seen.box)
+        steps = math.ceil(abs(seen.angle) / _TAKE_UP_TURN)
+        for step in range(1, steps + 1):
+            self.update(exemplar.placed(seen.box, shape, step / steps * seen.angle), stamp)
         for _ in range(_TAKE_UP_UPDATES):
             estimate = self.update(frame, stamp)
-        if estimate is None or not estimate.measured or estimate.box.iou(box) < _SAME_PLACE:
-            self.start(frame, stamp, box)
+        if (estimate is None or not estimate.measured
+                or estimate.box.iou(seen.bound) < _SAME_PLACE):
+            self.start(frame, stamp, seen.bound)
             # What the target's usual response is, is learned in the frame after the first: this
             # one again, for in the next that comes it may be elsewhere.
             self.update(frame, stamp)
@@ -203,7 +202,7 @@ class TrackingSession:
             return None
         estimate = self._take_over(self._create(self._name))
         if estimate is not None:
-            self._exemplar = Exemplar.of(seen.frame, seen.box)
+            self._exemplar = Exemplar.of(seen.frame, seen.bound)
         return estimate
 
     def warm_up(self) -> None:
@@ -267,7 +266,7 @@ class TrackingSession:
         if seen is None or frame is None:
             return None
         try:
-            self._start(tracker, seen.frame, seen.stamp, seen.box)
+            self._start(tracker, seen.frame, seen.stamp, seen.bound)
         except ValueError:
             # A tracker may measure a box beyond the border, where no other one can begin.
             self.forget()

@@ -87,12 +87,11 @@ class Target:
         pending = self._selector.pending
         if self.estimate is not None or pending is not None and pending is not self.init_box:
             return False
-        frame = saved.frame()
-        self._session.take_up(
-            frame, saved.stamp, saved.box, saved.interval, saved.exemplar())
-        self._selector.pending, self._shape = None, frame.shape
+        seen = saved.measurement()
+        self._session.take_up(seen, saved.interval, saved.exemplar())
+        self._selector.pending, self._shape = None, seen.frame.shape
         self.identity = saved.identity
-        box, before = saved.box, saved.tracker
+        box, before = seen.bound, saved.tracker
         tracker = self._session.tracker + (f' after {before}' if before != self._session.tracker
                                            else '')
         self._log.info(f'{source}: {tracker} goes on with the target that was at ({box.x:g}, '
