@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from vtrack_ros.localisation.presence import has_failed, InitialTemplate
-from vtrack_ros.localisation.redetection import Redetection, VelocityEstimate
+from vtrack_ros.localisation.redetection import mean_velocity, Redetection
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
@@ -227,15 +227,9 @@ def test_the_size_of_an_uncertain_target_is_bounded(known):
     assert search(known[0], Verifier(0.0)).bounds(TARGET[0] / 2) == (2 / 1.5, 2 * 1.5)
 
 
-def test_velocity_is_a_running_mean_of_whole_steps():
-    """0.3 of the latest step's; a step that's interrupted doesn't count."""
-    velocity = VelocityEstimate()
-    velocity.begin((10.0, 10.0), 2.0)
-    assert velocity.velocity == (0.0, 0.0)
-    velocity.begin((18.0, 10.0), 1.0)
-    assert velocity.velocity == (pytest.approx(0.3 * 4), 0.0)
-    velocity.begin((18.0, 13.0), 1.0)
-    assert velocity.velocity == (pytest.approx(0.7 * 0.3 * 4), pytest.approx(0.3 * 3))
-    velocity.interrupt()
-    velocity.begin((100.0, 10.0), 1.0)
-    assert velocity.velocity == (pytest.approx(0.7 * 0.3 * 4), pytest.approx(0.3 * 3))
+def test_velocity_is_a_running_mean():
+    """0.3 of the latest step's, in pixels a frame."""
+    velocity = mean_velocity((0.0, 0.0), (10.0, 10.0), (18.0, 10.0), 2.0)
+    assert velocity == pytest.approx((0.3 * 4, 0.0))
+    velocity = mean_velocity(velocity, (18.0, 10.0), (18.0, 13.0), 1.0)
+    assert velocity == pytest.approx((0.7 * 0.3 * 4, 0.3 * 3))

@@ -14,7 +14,7 @@ from vtrack_ros.geometry.affine import transformation
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
-from vtrack_ros.localisation.redetection import Redetection, VelocityEstimate
+from vtrack_ros.localisation.redetection import mean_velocity, Redetection
 from vtrack_ros.localisation.search_window import (
     COARSE, FINE, inside, ResponseMap, SearchWindow, WindowLayout)
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
@@ -71,7 +71,8 @@ class Localiser:
         """Whether the size was measured in the last update."""
         self._similarity = 1.0
         self._presence = PresenceDetector()
-        self._velocity = VelocityEstimate()
+        #: The running mean while it's tracked, [px/frame].
+        self._velocity: Point = (0.0, 0.0)
         self._failure: Redetection | None = None
         self._global = GlobalSearch(model, self._template, size, rng)
         self.restarted = False
@@ -203,7 +204,7 @@ class Localiser:
         self._live = replace(snapshot, center=beside.center, size=self._bounded(beside.size),
                              turn=beside.angle)
         self._failure = None
-        self._velocity = VelocityEstimate(beside._velocity.velocity)
+        self._velocity = beside._velocity
         self._presence = copy(beside._presence)
 
     def restart_beside(self, leader: 'Localiser') -> None:
@@ -234,7 +235,7 @@ class Localiser:
         self._live = replace(self._live, model=self._first_model, center=center, size=size,
                              usual_similarity=similarity, turn=0.0)
         self._similarity, self._failure = similarity, None
-        self._velocity = VelocityEstimate()
+        self._velocity = 0.0, 0.0
         self._global.restart(similarity)
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
@@ -261,7 +262,7 @@ class Localiser:
         self._verify(window, center, response)
         turn = live.turn if window.angle == live.angle else window.angle
         if window.angle and self._frames % _TURNED_EVERY == 0:
-            turn = self._template.angle(frame, window, center)
+            turn = self._template.angle(frame, window, center, self._similarity)
         return TargetSnapshot(
             model.updated(window, shift, self._first_model), center, size, live.usual_response,
             live.usual_similarity, turn)
@@ -296,12 +297,10 @@ class Localiser:
             self._live = before = replace(
                 self._live, usual_response=max(peak, least),
                 usual_similarity=max(self._similarity, least_similar))
-        self._velocity.begin(before.center, dt)
-        sure = (before.model.LEARNS
-                and self._presence.is_sure(self._similarity, response.sharpness))
+        learns = before.model.LEARNS
+        sure = learns and self._presence.is_sure(self._similarity, response.sharpness)
         if has_failed(before, self._similarity, peak) and not sure:
-            self._velocity.interrupt()
-            self._failure = Redetection(
-                before, self._template, self._velocity.velocity, dt, self._rng)
+            self._failure = Redetection(before, self._template, self._velocity, dt, self._rng)
         else:
             self._live = self._live.followed(peak, self._similarity)
+            self._velocity = mean_velocity(self._velocity, before.center, self.center, dt)

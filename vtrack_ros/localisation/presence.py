@@ -103,12 +103,13 @@ class InitialTemplate:
         similarity *= min(max(colour, _LEAST_COLOUR), 1.0)**_COLOUR_POWER
         return similarity
 
-    def angle(self, frame: Frame, window: SearchWindow, place: Point) -> float:
+    def angle(self, frame: Frame, window: SearchWindow, place: Point, own: float) -> float:
         """
         Return by which angle, [rad], a target has turned that was seen in a turned window.
 
-        Its place is in pixels. A rotation that is added up from steps drifts, so angles about it
-        are looked at; and who stands as at first is about as similar upright as in the window.
+        Its place is in pixels, `own` its similarity there. A rotation that is added up from steps
+        drifts, so angles about it are looked at; and who stands as at first is about as similar
+        upright as in the window.
         """
         if abs(window.angle) < _ANCHORED:
             return window.angle
@@ -116,7 +117,6 @@ class InitialTemplate:
         upright, *others = (
             self.similarity(window.layout.window(frame, place, window.size, angle))
             for angle in (0.0, *near))
-        own = self.similarity(window, window.shift(place))
         if upright > _UPRIGHT * own:
             return 0.0
         best, angle = max(zip(others, near))

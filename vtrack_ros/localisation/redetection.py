@@ -41,6 +41,13 @@ _DRIFT = 1.5
 _PREFERRED, _PREFERENCE = 0.7, 0.2
 
 
+def mean_velocity(before: Point, start: Point, end: Point, dt: float) -> Point:
+    """Return the running mean of a velocity, [px/frame], after one more step of `dt` frames."""
+    x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / dt
+            for velocity, then, now in zip(before, start, end))
+    return x, y
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A place that was searched, in pixels, its similarity, and its response."""
@@ -188,24 +195,3 @@ class Redetection:
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
         row, column = divmod(int(colour.argmax()), colour.shape[1])
         return float(column * stride), float(row * stride)
-
-
-class VelocityEstimate:
-    """The running mean of a target's velocity, [px/frame], while it's tracked."""
-
-    def __init__(self, velocity: Point = (0.0, 0.0)) -> None:
-        self.velocity = velocity
-        self._latest: tuple[Point, float] | None = None
-
-    def begin(self, center: Point, dt: float) -> None:
-        """Begin a step of `dt` frames at a place, in pixels, where the one before it ended."""
-        if self._latest is not None:
-            start, duration = self._latest
-            x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / duration
-                    for velocity, now, then in zip(self.velocity, center, start))
-            self.velocity = x, y
-        self._latest = center, dt
-
-    def interrupt(self) -> None:
-        """Take the step that has begun for none: the target isn't tracked any more."""
-        self._latest = None
