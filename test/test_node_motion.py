@@ -1,6 +1,7 @@
 """How the target moves, over DDS: the twist, and a pose that is ahead of its image."""
 
 from diagnostic_msgs.msg import DiagnosticArray
+from drawn_card import DrawnCard
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
 from node_harness import Client, NodeProcess, Scene, STEP
 import numpy as np
@@ -150,3 +151,28 @@ def test_metres_per_second(client):
     assert twist.twist.linear.x == pytest.approx(SPEED * depth / 200, rel=0.4)
     assert abs(twist.twist.linear.z) < 3 * twist.covariance[14]**0.5
     assert twist.covariance[14] > 0
+
+
+def test_a_turned_target_is_as_far_away_as_before(client):
+    """Its depth is by its own width, not by that of its bound; and the pose turns with it."""
+    drawn, center, angle = DrawnCard(), (150.0, 120.0), 1.2
+    message = CameraInfo(width=320, height=240, distortion_model='plumb_bob')
+    message.k = [200.0, 0.0, 159.5, 0.0, 200.0, 119.5, 0.0, 0.0, 1.0]
+    box = drawn.box(center).as_array().tolist()
+    assert all(one.successful for one in client.change(init_box=box, target_width=0.6))
+    publisher = client.publisher('camera_info', CameraInfo)
+
+    def in_metres():
+        publisher.publish(message)
+        client.begin_stream()
+        answer = client.send(drawn.frame(center), client.start)
+        return client.state_after(answer)['pose_units'] == 'metres'
+    client.until(in_metres, 'no metres')
+    for index in range(1, 31):
+        answer = client.send(
+            drawn.frame(center, angle * index / 30, seed=index), client.start + STEP * index)
+    heard = client.heard['pose']
+    client.until(lambda: heard and heard[-1].header == answer.header, 'no pose')
+    place, turn = heard[-1].pose.position, heard[-1].pose.orientation
+    assert place.z == pytest.approx(200 * 0.6 / 60, rel=0.06)
+    assert 2 * np.arctan2(turn.z, turn.w) == pytest.approx(angle, abs=0.15)
