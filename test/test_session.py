@@ -1,5 +1,6 @@
 """Keeping the target through whatever may change: streams, trackers, parameters."""
 
+from drawn_card import DrawnCard
 import numpy as np
 import pytest
 
@@ -194,3 +195,22 @@ def fresh_run(seed):
     session = TrackingSession('gmpf', seed=seed)
     session.start(frame(0), 0, box(0))
     return session.update(frame(1), STEP).box
+
+
+@pytest.mark.parametrize('before, after, rotation', [
+    ('gmpf', 'pf', True), ('appf', 'abmspf', True), ('gmpf', 'dcf', False)])
+def test_another_tracker_goes_on_with_a_turned_target(before, after, rotation):
+    """With its rotation and its own size, where it has them; in its bound at any rate."""
+    drawn, center, angle = DrawnCard(), (150.0, 120.0), -1.2
+    session = TrackingSession(before, seed=1)
+    session.start(drawn.frame(center), 0, drawn.box(center))
+    for index in range(1, 33):
+        session.update(drawn.frame(center, min(index / 30, 1) * angle, seed=index), STEP * index)
+    session.change(tracker=after)
+    for index in range(33, 40):
+        estimate = session.update(drawn.frame(center, angle, seed=index), STEP * index)
+    assert estimate.measured
+    assert estimate.box.iou(Box.around_ellipse(center, drawn.size, angle)) > 0.8
+    if rotation:
+        assert estimate.angle == pytest.approx(angle, abs=0.15)
+        assert estimate.upright.iou(drawn.box(center)) > 0.85

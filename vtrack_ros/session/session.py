@@ -18,9 +18,11 @@ from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracke
 
 #: A longer gap than this, in frames, says nothing about how far a target moved.
 LONGEST_STEP = 30.0
-#: How often a target that's taken up is shown as it was seen last, and how much the box that it's
-#: found in has to overlap the one of then; before, it's shown turning by steps of that, [rad].
-_TAKE_UP_UPDATES, _SAME_PLACE, _TAKE_UP_TURN = 5, 0.5, 0.1
+#: How often a new tracker is shown the target as it was seen last; before, it's shown turning by
+#: steps of that, [rad].
+_SHOWN, _TURN = 5, 0.1
+#: How much its box has to overlap the one of then, and how near its rotation has to be, [rad].
+_SAME_PLACE, _SAME_ANGLE = 0.5, 0.3
 #: How many of the latest intervals the usual one is the median of.
 _USUAL = 15
 #: How many of them tell the camera's own interval, where frames are lost.
@@ -167,25 +169,9 @@ class TrackingSession:
         """
         Begin where another session ended, on what it measured last.
 
-        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`. The
-        target is learned from its exemplar, for what was seen last is off by a little, and that
-        would add up from session to session; it's shown turning until it's as it was seen last,
-        and then that is learned too. Only where the target isn't recognised by its exemplar any
-        more it's learned from that alone.
+        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`.
         """
-        frame, stamp, shape = seen.frame, seen.stamp, seen.frame.shape
-        self.start(exemplar.placed(seen.box, shape), stamp, seen.box)
-        steps = math.ceil(abs(seen.angle) / _TAKE_UP_TURN)
-        for step in range(1, steps + 1):
-            self.update(exemplar.placed(seen.box, shape, step / steps * seen.angle), stamp)
-        for _ in range(_TAKE_UP_UPDATES):
-            estimate = self.update(frame, stamp)
-        if (estimate is None or not estimate.measured
-                or estimate.box.iou(seen.bound) < _SAME_PLACE):
-            self.start(frame, stamp, seen.bound)
-            # What the target's usual response is, is learned in the frame after the first: this
-            # one again, for in the next that comes it may be elsewhere.
-            self.update(frame, stamp)
+        self._show(self._create(self._name), seen, exemplar)
         self._exemplar = exemplar
         if interval > 0:
             self._interval.add(interval)
@@ -200,7 +186,7 @@ class TrackingSession:
         seen = self._last_measurement
         if seen is None:
             return None
-        estimate = self._take_over(self._create(self._name))
+        estimate = self._take_over(self._create(self._name), afresh=True)
         if estimate is not None:
             self._exemplar = Exemplar.of(seen.frame, seen.bound)
         return estimate
@@ -259,14 +245,39 @@ class TrackingSession:
         self._motion.add(estimate, stamp)
         return estimate
 
-    def _take_over(self, tracker: Tracker) -> Estimate | None:
+    def _show(self, tracker: Tracker, seen: LastMeasurement, exemplar: Exemplar) -> None:
+        """
+        Let a tracker learn the target from its exemplar, and then from what was seen last.
+
+        For what was seen last is off by a little, and that would add up. In between the exemplar
+        is shown turning until it's as it was seen last. Where the target isn't recognised so, or
+        the tracker can't turn, it's learned from what was seen last alone.
+        """
+        frame, stamp, shape = seen.frame, seen.stamp, seen.frame.shape
+        self._start(tracker, exemplar.placed(seen.box, shape), stamp, seen.box)
+        steps = math.ceil(abs(seen.angle) / _TURN)
+        for step in range(1, steps + 1):
+            self.update(exemplar.placed(seen.box, shape, step / steps * seen.angle), stamp)
+        for _ in range(_SHOWN):
+            estimate = self.update(frame, stamp)
+        if not (estimate is not None and estimate.measured
+                and estimate.box.iou(seen.bound) >= _SAME_PLACE
+                and abs(math.remainder(estimate.angle - seen.angle, math.tau)) <= _SAME_ANGLE):
+            self._start(tracker, frame, stamp, seen.bound)
+            # what its usual response is, is learned in the frame after the first: this one again
+            self.update(frame, stamp)
+
+    def _take_over(self, tracker: Tracker, afresh: bool = False) -> Estimate | None:
         """Let a new tracker start where the target was last measured, and catch up."""
-        seen, interval = self._last_measurement, self._interval
+        seen, interval, exemplar = self._last_measurement, self._interval, self._exemplar
         frame, stamp = self._frame, self._stamp
         if seen is None or frame is None:
             return None
         try:
-            self._start(tracker, seen.frame, seen.stamp, seen.bound)
+            if afresh or not seen.angle or exemplar is None:
+                self._start(tracker, seen.frame, seen.stamp, seen.bound)
+            else:
+                self._show(tracker, seen, exemplar)
         except ValueError:
             # A tracker may measure a box beyond the border, where no other one can begin.
             self.forget()
