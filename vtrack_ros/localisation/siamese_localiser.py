@@ -164,6 +164,12 @@ class SiameseLocaliser(Localiser):
         # those are of the correlation filter's responses
         self._least_usual = 0.0, 0.0
 
+    def resume(self, snapshot: TargetSnapshot, beside: Localiser) -> None:
+        """Go on at the place of another localiser, with the bound of the target as it turned."""
+        super().resume(snapshot, beside)
+        size = self._bounded((beside.box.width, beside.box.height))
+        self._live = replace(self._live, size=size, turn=0.0)
+
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
                  dt: float) -> TargetSnapshot:
         """Return the target at a place, verified there if it's time for that."""
