@@ -1,5 +1,6 @@
 """Trackers over sequences: what is run, what is kept, what is said when something is wrong."""
 
+from dataclasses import replace
 import gc
 import json
 import math
@@ -21,6 +22,7 @@ from vtrack_ros.evaluation.report import html_page
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.runner import run_tracker
 from vtrack_ros.evaluation.scoring import FIGURES
+from vtrack_ros.evaluation.sequences import read_folder
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import available_peers, create_tracker, tracker_class, tracker_names
 
@@ -340,6 +342,18 @@ def test_pictures_that_changed_are_read_again(folder):
         path.write_bytes(first.images[0].read_bytes())
     changed = evaluate(['pf'], [first], jobs=0)
     assert (changed.runs('First', 'pf')[0].boxes != before.runs('First', 'pf')[0].boxes).any()
+
+
+def test_a_video_s_frames_are_those_of_the_sequence(folder):
+    """One's own cuts of a folder: backwards, and every second frame, have the same images."""
+    [one] = read_folder(folder / 'First')
+    cuts = [replace(one, name=name, truth=one.truth[order], images=one.images[order])
+            for name, order in (('all', slice(None)), ('back', slice(None, None, -1)),
+                                ('even', slice(None, None, 2)), ('odd', slice(1, None, 2)))]
+    together = evaluate(['dcf'], cuts, jobs=0)
+    for cut in cuts:
+        alone = run_tracker(create_tracker('dcf', seed=0), cut.frames(), cut.first_box)
+        np.testing.assert_array_equal(together.runs(cut.name, 'dcf')[0].boxes, alone.boxes)
 
 
 def test_no_picture_is_kept(folder):

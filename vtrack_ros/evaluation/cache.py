@@ -20,6 +20,9 @@ from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 _PACKAGE = __name__.partition('.')[0]
 _ROOT = Path(__file__).resolve().parents[1]
 _RUNNER = f'{_PACKAGE}.evaluation.runner'
+#: Runs that were kept under another number aren't used: some of the first had other frames, where
+#: a folder's images had been cut or ordered in several ways.
+_VERSION = 2
 
 
 def default_folder() -> Path:
@@ -41,6 +44,7 @@ def run_key(tracker: TrackerSpecification, source: str, fingerprint: str, seed: 
     sequence's content, the seed, and the versions of NumPy and OpenCV.
     """
     parts = {
+        'version': _VERSION,
         'tracker': tracker.name,
         'parameters': {**tracker.tracker_class.PARAMETERS.defaults(), **dict(tracker.parameters)},
         'source': source,

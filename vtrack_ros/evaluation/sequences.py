@@ -75,8 +75,8 @@ class FolderSequence(Sequence):
 
     @property
     def video(self) -> str:
-        """Return the folder of the images."""
-        return str(self.images[0].parent)
+        """Return the images' files: a folder's images may be cut or ordered in several ways."""
+        return '\n'.join(map(str, self.images))
 
     def frames(self) -> Iterable[Frame]:
         """Decode the frames one by one, in BGR; errors as the base class."""
