@@ -14,6 +14,7 @@ import pytest
 from siamese_files import network_files, write_backbone, write_head
 
 from vtrack_ros.appearance.siamese_network import exemplar_side, SiameseNetwork
+from vtrack_ros.localisation import Hypotheses
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.siamese_localiser import SiameseModel, SiameseResponse
 from vtrack_ros.localisation.target_model import TargetModel
@@ -190,6 +191,20 @@ def test_a_network_s_boxes_are_not_turned(siamese):
     estimate = tracker.update(drawn.frame(center, 1.6))
     assert estimate.angle == 0 and estimate.affine is None
     assert estimate.box.width < 0.9 * estimate.box.height
+
+
+def test_filters_go_on_with_as_large_a_target(files):
+    """The network's boxes are squares here, the target's first one isn't: its area is kept."""
+    frame, center = DrawnCard().frame((150.0, 120.0)), (150.0, 120.0)
+    target = Hypotheses(frame, center, (80.0, 32.0), np.random.default_rng(0),
+                        SiameseNetwork(*files.values()))
+    for _ in range(30):
+        target.update(frame, target.localise(frame, center), center, 1.0)
+    width, height = target.size
+    assert width / height < 2
+    target.use(None)
+    assert np.prod(target.size) == pytest.approx(width * height)
+    assert target.size[0] / target.size[1] == pytest.approx(80 / 32)
 
 
 def test_a_lost_target_is_found_by_another_localiser(siamese):

@@ -85,6 +85,9 @@ class Hypotheses:
                 # what's usual can't be learned from the next frame: the target may not be in it
                 each.update(first.frame, each.localise(first.frame, first.center), first.center, 1)
             each.resume(each.snapshot, before)
+            if network is None:
+                # a network's box may have another aspect: as large a target is meant
+                each.transform(math.sqrt(math.prod(before.size) / math.prod(each.size)), 0.0)
         self._latest = before.center
 
     def _begin(self, frame: Frame, center: Point, size: Point,
