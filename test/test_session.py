@@ -1,6 +1,7 @@
 """Keeping the target through whatever may change: streams, trackers, parameters."""
 
 from drawn_card import DrawnCard
+from drawn_ellipse import ellipse
 import numpy as np
 import pytest
 
@@ -214,3 +215,14 @@ def test_another_tracker_goes_on_with_a_turned_target(before, after, rotation):
     if rotation:
         assert estimate.angle == pytest.approx(angle, abs=0.15)
         assert estimate.upright.iou(drawn.box(center)) > 0.85
+
+
+def test_a_rotation_without_an_affine_frame_leaves_the_box():
+    """Who tells an angle, but not what its box would be upright, was seen in its box."""
+    center, axes = (160.0, 120.0), (44.0, 22.0)
+    session = TrackingSession('abmspf_paper', seed=1)
+    session.start(ellipse(center, axes), 0, Box.from_center(*center, 88, 44))
+    for index in range(1, 21):
+        estimate = session.update(ellipse(center, axes, 0.04 * index, seed=index), STEP * index)
+    assert abs(estimate.angle) > 0.3 and estimate.affine is None and estimate.measured
+    assert session.last_measurement.bound == estimate.box

@@ -156,14 +156,14 @@ class TrackingSession:
             return None
         interval = stamp - self._stamp
         dt = min(self._interval.steps(interval), LONGEST_STEP) if interval else 1.0
-        self._estimate = self._tracker.update(frame, dt)
+        estimate = self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
-        self._motion.add(self._estimate, stamp)
-        if self._estimate.measured:
-            estimate = self._estimate
-            self._last_measurement = LastMeasurement(
-                frame, stamp, estimate.upright, estimate.angle)
-        return self._estimate
+        self._motion.add(estimate, stamp)
+        if estimate.measured:
+            # without an affine frame the box is the bound, whatever the angle
+            angle = 0.0 if estimate.affine is None else estimate.angle
+            self._last_measurement = LastMeasurement(frame, stamp, estimate.upright, angle)
+        return estimate
 
     def take_up(self, seen: LastMeasurement, interval: int, exemplar: Exemplar) -> None:
         """
