@@ -213,8 +213,13 @@ class Client:
         self.until(lambda: all(map(self.node.count_publishers, topics)), 'outputs are missing')
         # The answer of a service comes after the discovery of everything before it.
         assert self.parameters.wait_for_services(PATIENCE)
-        # An idle node says once a second what it waits for.
-        self.until(lambda: self.heard['~/state'], 'no state was heard')
+        # Readers are announced in their order: who is heard by the last one is heard by all. An
+        # idle node says once a second what it waits for.
+        last: list = []
+        subscription = self.node.create_subscription(
+            DiagnosticStatus, self.resolved('~/state'), last.append, 10)
+        self.until(lambda: last and self.heard['~/state'], 'no state was heard')
+        self.node.destroy_subscription(subscription)
         return self
 
     def send(self, frame: np.ndarray, stamp: int, encoding: str | None = None,
