@@ -43,3 +43,13 @@ def sequences() -> Path:
         where = f'VTRACK_SEQUENCES={named}' if named else '../shared/sequences'
         pytest.skip(f'needs the real sequences: {where} is absent (VTRACK_SEQUENCES names them)')
     return folder
+
+
+@pytest.fixture
+def two_sequences(tmp_path: Path) -> Path:
+    """Return a folder of two good sequences, First and Second."""
+    # it imports NumPy
+    from evaluation_material import write_sequence
+    write_sequence(tmp_path / 'data' / 'First')
+    write_sequence(tmp_path / 'data' / 'Second', frames=8)
+    return tmp_path / 'data'

@@ -1,5 +1,6 @@
 """Small sequences for the tests of the evaluation: a textured square that moves over noise."""
 
+import json
 import os
 from pathlib import Path
 
@@ -8,8 +9,10 @@ import numpy as np
 
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.runner import Run
+from vtrack_ros.evaluation.scoring import FIGURES
 
 SIZE = 24
+TIMED = {figure.key for figure in FIGURES if figure.timed}
 
 
 class DeadlySequence(FolderSequence):
@@ -64,3 +67,17 @@ class SignedSequence(FolderSequence):
         """Sign, and decode."""
         (self.images[0].parent.parent / f'{os.getpid()}.pid').touch()
         return super().frames()
+
+
+def untimed(content: dict) -> dict:
+    """Return results as JSON without what depends on the clock."""
+    def stripped(scores):
+        return {key: value for key, value in scores.items()
+                if key.removesuffix('_std') not in TIMED}
+    content = json.loads(json.dumps(content))
+    for key in ('environment', 'timings'):
+        del content[key]
+    content['summary'] = {label: stripped(row) for label, row in content['summary'].items()}
+    content['sequences'] = {name: {label: stripped(row) for label, row in rows.items()}
+                            for name, rows in content['sequences'].items()}
+    return content

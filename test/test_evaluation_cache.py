@@ -1,0 +1,151 @@
+"""What an evaluation keeps: runs from one time to the next, frames from run to run."""
+
+from dataclasses import replace
+import gc
+import json
+import weakref
+
+from evaluation_material import untimed, write_truth
+import numpy as np
+import pytest
+
+from vtrack_ros.evaluation import evaluate, find_sequences, FolderSequence, SequenceError
+from vtrack_ros.evaluation.cache import RunCache, source_files, source_hash
+from vtrack_ros.evaluation.report import html_page
+from vtrack_ros.evaluation.results_json import as_json
+from vtrack_ros.evaluation.runner import run_tracker
+from vtrack_ros.evaluation.sequences import read_folder
+from vtrack_ros.trackers import create_tracker, tracker_class
+
+
+def test_cache_runs_only_what_changed(two_sequences, tmp_path):
+    """A second time everything is there; another parameter, seed or frame is run anew."""
+    cache = RunCache(tmp_path / 'cache')
+
+    def cached(tracker='pf', seeds=1):
+        results = evaluate([tracker], two_sequences, seeds=seeds, jobs=0, cache=cache)
+        return as_json(results), {
+            (name, seed): run.cached for name in results.sequences
+            for seed, run in results.runs(name, tracker).items()}
+
+    first, flags = cached()
+    assert not any(flags.values())
+    again, flags = cached()
+    assert all(flags.values())
+    assert untimed(again) == untimed(first)
+    assert (first['timings'], again['timings']) == ('measured', 'cached')
+    assert again['summary']['pf']['ms_median'] == first['summary']['pf']['ms_median']
+    assert not any(cached('pf:particles=40')[1].values())
+    assert cached(seeds=2)[1] == {('First', 0): True, ('First', 1): False,
+                                  ('Second', 0): True, ('Second', 1): False}
+    write_truth(two_sequences / 'Second', ['20,30,24,24'] * 8)
+    assert cached()[1] == {('First', 0): True, ('Second', 0): False}
+
+
+def test_torn_cache_entry_is_run_again(two_sequences, tmp_path):
+    """A file that can't be read is as good as none."""
+    cache = RunCache(tmp_path / 'cache')
+    evaluate(['pf'], two_sequences, jobs=0, cache=cache)
+    for path in (tmp_path / 'cache').rglob('output.pkl'):
+        path.write_bytes(path.read_bytes()[:100])
+    results = evaluate(['pf'], two_sequences, jobs=0, cache=cache)
+    assert results.timings == 'measured'
+    assert not results.problems
+
+
+def test_default_parameters_share_the_cache(two_sequences, tmp_path):
+    """A parameter that is spelled out at its default is the same run."""
+    cache = RunCache(tmp_path / 'cache')
+    evaluate(['pf'], two_sequences, jobs=0, cache=cache)
+    default = tracker_class('pf').PARAMETERS['particles'].default
+    spelled = evaluate([f'pf:particles={default}'], two_sequences, jobs=0, cache=cache)
+    assert spelled.timings == 'cached'
+
+
+def test_source_of_a_tracker():
+    """A tracker's source holds what it imports by name, not its neighbours."""
+    files = source_files('vtrack_ros.tracker')
+    assert {'vtrack_ros.tracker', 'vtrack_ros.parameters',
+            'vtrack_ros.geometry.box'} <= set(files)
+    assert 'vtrack_ros.trackers.registry' not in files
+    assert 'vtrack_ros.tracker' in source_files('vtrack_ros.evaluation.runner')
+    assert source_hash('vtrack_ros.tracker') != source_hash('vtrack_ros.parameters')
+    with pytest.raises(ModuleNotFoundError, match='vtrack_ros.nowhere'):
+        source_files('vtrack_ros.nowhere')
+
+
+def test_pictures_that_changed_are_read_again(two_sequences):
+    """In one process, a second evaluation sees the files as they are then."""
+    before = evaluate(['pf'], two_sequences, jobs=0)
+    [first, _] = find_sequences(two_sequences)[0]
+    for path in first.images[1:]:
+        path.write_bytes(first.images[0].read_bytes())
+    changed = evaluate(['pf'], [first], jobs=0)
+    assert (changed.runs('First', 'pf')[0].boxes != before.runs('First', 'pf')[0].boxes).any()
+
+
+def test_a_video_s_frames_are_those_of_the_sequence(two_sequences):
+    """One's own cuts of a folder: backwards, and every second frame, have the same images."""
+    [one] = read_folder(two_sequences / 'First')
+    cuts = [replace(one, name=name, truth=one.truth[order], images=one.images[order])
+            for name, order in (('all', slice(None)), ('back', slice(None, None, -1)),
+                                ('even', slice(None, None, 2)), ('odd', slice(1, None, 2)))]
+    together = evaluate(['dcf'], cuts, jobs=0)
+    for cut in cuts:
+        alone = run_tracker(create_tracker('dcf', seed=0), cut.frames(), cut.first_box)
+        np.testing.assert_array_equal(together.runs(cut.name, 'dcf')[0].boxes, alone.boxes)
+
+
+def test_no_picture_is_kept(two_sequences):
+    """When an evaluation in this process is over, or was given up, its frames are gone."""
+    [first, _] = find_sequences(two_sequences)[0]
+    seen = []
+
+    class Watched(FolderSequence):
+        """A sequence that knows what became of its frames."""
+
+        def frames(self):
+            """Decode them, and remember them weakly."""
+            for frame in super().frames():
+                seen.append(weakref.ref(frame))
+                yield frame
+
+    def give_up(done, total):
+        if done:
+            raise KeyboardInterrupt
+
+    watched = Watched('Watched', first.truth, first.images)
+    evaluate(['pf'], [watched], jobs=0)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(['pf', 'gmpf'], [watched], jobs=0, progress=give_up)
+    gc.collect()
+    assert seen and not any(one() is not None for one in seen)
+
+
+def test_a_seed_that_failed_on_one_sequence(two_sequences, tmp_path):
+    """The summary is of the seeds that ran everywhere; the others' runs stay in their place."""
+    cache = RunCache(tmp_path / 'cache')
+    evaluate(['pf'], two_sequences, seeds=1, jobs=0, cache=cache)
+    [first, second] = find_sequences(two_sequences)[0]
+    evaluate(['pf'], [first], seeds=2, jobs=0, cache=cache)
+
+    class Torn(FolderSequence):
+        """A sequence whose disk fails, with the content of the good one."""
+
+        def fingerprint(self):
+            """Return the good one's."""
+            return second.fingerprint()
+
+        def frames(self):
+            """Fail."""
+            raise SequenceError('not an image')
+
+    results = evaluate(['pf'], [first, Torn('Second', second.truth, second.images)], seeds=2,
+                       jobs=0, cache=cache)
+    assert [problem.sequence for problem in results.problems] == ['Second']
+    assert list(results.runs('First', 'pf')) == [0, 1]
+    assert list(results.runs('Second', 'pf')) == [0]
+    each = [results.scores[name]['pf'][0]['auc'] for name in ('First', 'Second')]
+    assert results.summary['pf']['auc'] == pytest.approx(np.mean(each))
+    assert json.loads(json.dumps(as_json(results)))['summary']['pf']['auc'] is not None
+    assert 'not an image' in html_page(results)

@@ -1,0 +1,79 @@
+"""The command `vtrack evaluate`: its table and files, and what it says when something is wrong."""
+
+import json
+import sys
+
+import pytest
+
+from vtrack_ros.cli.command_line import main
+from vtrack_ros.evaluation.scoring import FIGURES
+
+
+def test_command(two_sequences, tmp_path, capsys):
+    """The command prints a table, writes JSON with all figures, and ends with 0."""
+    code = main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'pf', '--seeds', '2',
+                 '--jobs', '2',
+                 '--json', str(tmp_path / 'a.json'), '--cache', str(tmp_path / 'cache')])
+    assert code == 0
+    output = capsys.readouterr().out
+    assert 'First' in output and 'Second' in output and 'AUC' in output
+    content = json.loads((tmp_path / 'a.json').read_text())
+    for row in (content['sequences']['First']['pf'], content['summary']['pf']):
+        for figure in FIGURES:
+            assert {figure.key, f'{figure.key}_std'} <= set(row)
+    assert content['seeds'] == [0, 1]
+
+
+def test_command_skips_what_is_broken(two_sequences, tmp_path, capsys):
+    """A broken sequence is named, the others are evaluated, and the code is 1."""
+    (two_sequences / 'Second' / 'img' / '00003.png').write_bytes(b'torn')
+    (two_sequences / 'Third').mkdir()
+    code = main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'pf', '--no-cache',
+                 '--json', str(tmp_path / 'a.json')])
+    assert code == 1
+    errors = capsys.readouterr().err
+    assert '00003.png' in errors and 'Third' in errors
+    content = json.loads((tmp_path / 'a.json').read_text())
+    assert content['sequences']['First']['pf']['auc'] > 0
+    assert content['sequences']['Second'] == {}
+    assert {problem['sequence'] for problem in content['problems']} == {'Second', 'Third'}
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    ([], 'nothing to evaluate on'),
+    (['--sequences', 'nowhere'], 'no such folder'),
+    (['--bags', 'nowhere'], 'no such bag'),
+    (['--scenes', 'nowhere'], 'unknown scene'),
+    (['--sequences', '.', '--trackers', 'nobody'], 'unknown tracker'),
+    (['--sequences', '.', '--seeds', '0'], 'whole number'),
+    (['--sequences', '.', '--json', 'nowhere/a.json'], 'no folder'),
+])
+def test_wrong_arguments(arguments, message, capsys):
+    """Wrong arguments end with 2 and say what is wrong."""
+    assert main(['evaluate', *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_dask_that_is_missing(two_sequences, monkeypatch, capsys):
+    """One line says what to install."""
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    assert main(['evaluate', '--sequences', str(two_sequences), '--backend', 'dask']) == 1
+    assert 'pip install distributed' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('missing', ['joblib', 'tqdm', 'jinja2', 'matplotlib'])
+def test_library_that_is_missing(two_sequences, tmp_path, missing, monkeypatch, capsys):
+    """One line says what to install."""
+    monkeypatch.setitem(sys.modules, missing, None)
+    for module in ('report', 'charts'):
+        monkeypatch.delitem(sys.modules, f'vtrack_ros.evaluation.{module}', raising=False)
+    assert main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'pf', '--jobs', '1',
+                 '--no-cache', '--html', str(tmp_path / 'page.html')]) == 1
+    assert f'pip install {missing}' in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_manual_names_every_figure(repository):
+    """Every figure that can be in a JSON file is explained in the manual."""
+    manual = (repository / 'docs' / 'evaluate.md').read_text()
+    for figure in FIGURES:
+        assert f'`{figure.key}`' in manual
