@@ -5,6 +5,7 @@ from contextlib import asynccontextmanager, contextmanager
 import json
 import os
 import re
+import signal
 import threading
 
 import aiohttp
@@ -237,6 +238,23 @@ def test_parameters(address):
             await seen.ask(do='set', name='tracker', kind='text', value='gmpf')
             await seen.told('tracker is gmpf')
     asyncio.run(run())
+
+
+def test_parameters_of_a_node_that_answers_late():
+    """The page says that a node doesn't answer, and has its parameters as soon as it does."""
+    async def run(address, process):
+        async with viewer(address) as seen:
+            await seen.receive('parameters')
+        process.send_signal(signal.SIGSTOP)
+        try:
+            async with viewer(address) as seen:
+                assert (await seen.told('did not answer'))['wrong']
+                process.send_signal(signal.SIGCONT)
+                await seen.receive('parameters')
+        finally:
+            process.send_signal(signal.SIGCONT)
+    with NodeProcess() as node, serving() as address:
+        asyncio.run(run(address, node.process))
 
 
 def test_pause(address):

@@ -94,20 +94,24 @@ class Viewer:
         while True:
             there = self._link.reachable
             if there and not before:
-                await self.tell('')
-                await self.send_parameters()
+                # a node that is too busy to answer is asked again
+                there = await self.send_parameters()
+                if there:
+                    await self.tell('')
             elif not there and before is not False:
                 await self.tell(f'waiting for the node {self._link.target}: is it running?', True)
             before = there
             await asyncio.sleep(_BEAT)
 
-    async def send_parameters(self) -> None:
-        """Send the node's parameters."""
+    async def send_parameters(self) -> bool:
+        """Send the node's parameters, or why not; return whether they were sent."""
         try:
             rows = await self._link.parameters()
-            await self._socket.send_json({'kind': 'parameters', 'rows': rows})
         except TimeoutError as error:
             await self.tell(str(error), wrong=True)
+            return False
+        await self._socket.send_json({'kind': 'parameters', 'rows': rows})
+        return True
 
     async def _do(self, asked: dict[str, Any]) -> None:
         do = asked['do']
