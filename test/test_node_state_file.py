@@ -37,14 +37,16 @@ def saved(path, process, client, scene, index):
 def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
     """No new selection, no init_box: the same target with the same name, elsewhere by now."""
     path = tmp_path / 'target.json'
-    with Client() as client:
-        process = NodeProcess(state_file=path, init_box=box_parameter(scene.box(0)))
-        try:
+    process = NodeProcess(state_file=path, init_box=box_parameter(scene.box(0)))
+    try:
+        with Client() as client:
             client.ready()
             index = saved(path, process, client, scene, 0)
             first = client.send(scene.frame(index), START + STEP * index)
-        finally:
-            assert process.stop(signal.SIGKILL) != 0
+    finally:
+        # The client has gone before: where another process was killed, Fast DDS crashes now and
+        # then (1 in 70 times on a busy machine) as it takes a participant's shared memory down.
+        assert process.stop(signal.SIGKILL) != 0
     index += 12
     # What is in init_box now is long gone from there.
     with NodeProcess(state_file=path, init_box='[100, 90, 30, 20]') as process, (
