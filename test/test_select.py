@@ -5,16 +5,22 @@ from contextlib import asynccontextmanager, contextmanager
 import json
 import os
 import re
-import signal
 import threading
 
 import aiohttp
 from bag_material import write_slow_bag
 import cv2
 from forked_process import ForkedProcess
+from geometry_msgs.msg import PointStamped
 from node_harness import NodeProcess, PATIENCE
 import numpy as np
 import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+from vision_msgs.msg import Detection2D
 
 from vtrack_ros.bags import BagReader
 from vtrack_ros.dds import with_profile
@@ -240,21 +246,38 @@ def test_parameters(address):
     asyncio.run(run())
 
 
-def test_parameters_of_a_node_that_answers_late():
+@pytest.fixture
+def idle_node():
+    """Return the executor of what looks like the tracking node, and answers once it's spun."""
+    context = Context()
+    rclpy.init(context=context)
+    node = Node('tracker', context=context)
+    for name, kind in (('reset', Trigger), ('reinit', Trigger), ('enable', SetBool)):
+        node.create_service(kind, f'~/{name}', lambda request, response: response)
+    for name, kind in (('init', Detection2D), ('init_point', PointStamped)):
+        node.create_subscription(kind, f'~/{name}', lambda message: None, 1)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield executor
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+def test_parameters_of_a_node_that_answers_late(idle_node):
     """The page says that a node doesn't answer, and has its parameters as soon as it does."""
-    async def run(address, process):
+    async def run(address):
         async with viewer(address) as seen:
-            await seen.receive('parameters')
-        process.send_signal(signal.SIGSTOP)
-        try:
-            async with viewer(address) as seen:
-                assert (await seen.told('did not answer'))['wrong']
-                process.send_signal(signal.SIGCONT)
-                await seen.receive('parameters')
-        finally:
-            process.send_signal(signal.SIGCONT)
-    with NodeProcess() as node, serving() as address:
-        asyncio.run(run(address, node.process))
+            assert (await seen.told('did not answer'))['wrong']
+            spinning = asyncio.create_task(asyncio.to_thread(idle_node.spin))
+            try:
+                rows = (await seen.receive('parameters'))['rows']
+            finally:
+                idle_node.shutdown()
+                await spinning
+            assert 'use_sim_time' in [row['name'] for row in rows]
+    with serving() as address:
+        asyncio.run(run(address))
 
 
 def test_pause(address):
