@@ -12,7 +12,7 @@ from bag_material import write_slow_bag
 import cv2
 from forked_process import ForkedProcess
 from geometry_msgs.msg import PointStamped
-from node_harness import NodeProcess, PATIENCE
+from node_harness import Client, NodeProcess, PATIENCE, STEP
 import numpy as np
 import pytest
 import rclpy
@@ -248,10 +248,10 @@ def test_parameters(address):
 
 @pytest.fixture
 def idle_node():
-    """Return the executor of what looks like the tracking node, and answers once it's spun."""
+    """Return the executor of what looks like a tracking node, /late, and answers once spun."""
     context = Context()
     rclpy.init(context=context)
-    node = Node('tracker', context=context)
+    node = Node('late', context=context)
     for name, kind in (('reset', Trigger), ('reinit', Trigger), ('enable', SetBool)):
         node.create_service(kind, f'~/{name}', lambda request, response: response)
     for name, kind in (('init', Detection2D), ('init_point', PointStamped)):
@@ -276,8 +276,28 @@ def test_parameters_of_a_node_that_answers_late(idle_node):
                 idle_node.shutdown()
                 await spinning
             assert 'use_sim_time' in [row['name'] for row in rows]
-    with serving() as address:
+    with serving('late') as address:
         asyncio.run(run(address))
+
+
+def test_line_of_pixels():
+    """An image whose picture would be less than a pixel high is shown too."""
+    async def run(address, client):
+        line = np.full((2, 6000, 3), 128, np.uint8)
+        async with viewer(address) as seen:
+            shown = asyncio.create_task(seen.receive('picture'))
+            stamp = STEP
+            while not shown.done():
+                await asyncio.to_thread(client.send, line, stamp)
+                stamp += STEP
+            picture = await shown
+            assert (picture['width'], picture['height']) == (6000, 2)
+            jpeg = cv2.imdecode(np.frombuffer(picture['jpeg'], np.uint8), cv2.IMREAD_COLOR)
+            assert jpeg.shape == (1, 1280, 3)
+    # apart from the node that all tests share
+    with NodeProcess('-r', '__ns:=/line'), Client('/line/tracker') as client, (
+            serving('/line/tracker')) as address:
+        asyncio.run(run(address, client.ready()))
 
 
 def test_pause(address):
@@ -297,6 +317,7 @@ def test_pause(address):
 
 @pytest.mark.parametrize('text, words', [
     ('nonsense', 'refused'), ('[]', 'refused'), ('{}', 'do'), ('{"do": "fly"}', "'fly'"),
+    pytest.param('[' * 4000, 'refused', id='nested'),
     ('{"do": "box", "stamp": "1", "x": 1, "y": 1, "width": 0, "height": 5}', 'positive'),
     ('{"do": "box", "stamp": "-1", "x": 1, "y": 1, "width": 5, "height": 5}', 'stamp'),
     ('{"do": "click", "stamp": "1", "x": "here", "y": 1}', 'here'),

@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 
+import aiohttp
 from node_harness import PATIENCE
 import pytest
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -13,6 +14,7 @@ from rclpy.parameter import Parameter
 from vtrack_ros.selecting.access import is_loopback
 from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
+from vtrack_ros.selecting.server import serve
 from vtrack_ros.selecting.tracker_link import TrackerLink
 
 
@@ -62,3 +64,23 @@ def test_it_closes_between_callbacks(monkeypatch):
         link.close()
     asyncio.run(main())
     assert begun.is_set() and not raised
+
+
+def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
+    """A viewer of which a part failed is closed, and it's told why; the page comes again."""
+    async def broken(self):
+        raise RuntimeError('out of order')
+    monkeypatch.setattr(TrackerLink, 'reachable', True)
+    monkeypatch.setattr(TrackerLink, 'parameters', broken)
+
+    async def main():
+        serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
+        while not (output := capsys.readouterr().out):
+            await asyncio.sleep(0.01)
+        async with aiohttp.ClientSession() as session, session.ws_connect(
+                f'{output.split()[0]}ws') as socket:
+            assert (await socket.receive(PATIENCE)).type is aiohttp.WSMsgType.CLOSED
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+    asyncio.run(main())
+    assert 'out of order' in caplog.text

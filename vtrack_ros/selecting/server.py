@@ -84,7 +84,7 @@ class Viewer:
                 continue
             try:
                 await self._do(json.loads(message.data))
-            except (KeyError, TypeError, ValueError, OverflowError, OSError,
+            except (KeyError, TypeError, ValueError, OverflowError, RecursionError, OSError,
                     ModuleNotFoundError) as error:
                 await self.tell(f'refused: {error}', wrong=True)
 
@@ -175,16 +175,17 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         viewer = Viewer(socket, link, folder)
         viewers.add(viewer)
         link.watch(True)
-        tasks = [loop.create_task(viewer.send_pictures()),
-                 loop.create_task(viewer.follow_node())]
         try:
-            await viewer.listen()
-        except ConnectionError:
+            # whatever fails ends the viewer, and is told: the page comes again
+            async with asyncio.TaskGroup() as group:
+                tasks = [group.create_task(viewer.send_pictures()),
+                         group.create_task(viewer.follow_node())]
+                await viewer.listen()
+                for task in tasks:
+                    task.cancel()
+        except* ConnectionError:
             pass
         finally:
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
             viewers.discard(viewer)
             link.watch(bool(viewers))
         return socket
@@ -220,7 +221,8 @@ def _jpeg(message: Any) -> tuple[bytes, int, int]:
     frame = decoded(message)
     height, width = frame.shape[:2]
     scale = _LONGEST_SIDE / max(height, width)
-    picture = frame if scale >= 1 else cv2.resize(
-        frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if scale < 1:
+        size = max(1, round(scale * width)), max(1, round(scale * height))
+        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode('.jpg', frame, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return data.tobytes(), width, height
