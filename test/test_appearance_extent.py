@@ -52,7 +52,8 @@ def test_at_the_border(x, y):
     assert box.clipped(320, 240) == box
 
 
-@pytest.mark.parametrize('shape', [(1, 1), (1, 40, 3), (3, 5), (40, 2, 3), (600, 20)])
+@pytest.mark.parametrize('shape', [(1, 1), (1, 40, 3), (3, 5), (40, 2, 3), (600, 20),
+                                   (6000, 2, 3), (3000, 1)])
 def test_tiny_and_narrow_pictures(shape):
     """Whatever the picture's shape, there's a box about the point."""
     box = find_extent(np.zeros(shape, np.uint8), shape[1] / 2, shape[0] / 2)

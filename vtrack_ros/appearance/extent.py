@@ -60,7 +60,8 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
     left, top = int(max(0, x - side / 2)), int(max(0, y - side / 2))
     right, bottom = int(min(width, x + side / 2 + 1)), int(min(height, y + side / 2 + 1))
     window = frame[top:bottom, left:right]
-    reduced = min(1.0, _SIDE / max(window.shape[:2]))
+    # no side of it is reduced to nothing
+    reduced = min(1.0, max(_SIDE / max(window.shape[:2]), 1 / min(window.shape[:2])))
     colours = _colours(window, reduced)
     scale = np.array(colours.shape[::-1]) / (right - left, bottom - top)
     counts = np.zeros((colours.shape[0] + 1, colours.shape[1] + 1, _COLOURS))
