@@ -184,8 +184,10 @@ class TrackingSession:
     def restart(self) -> Estimate | None:
         """Learn the target afresh where it was last measured, and go on; None without a target."""
         seen = self._last_measurement
+        if seen is None:
+            return None
         estimate = self._take_over(self._create(self._name), afresh=True)
-        if seen is not None and estimate is not None:
+        if estimate is not None:
             self._exemplar = Exemplar.of(seen.frame, seen.bound)
         return estimate
 
