@@ -138,3 +138,12 @@ def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
     first = np.floor(at)
     index = first.astype(np.intp)
     return index.clip(0, length - 1), (index + 1).clip(0, length - 1), at - first
+
+
+def shrunk(frame: Frame, longest: int) -> Frame:
+    """Return a frame shrunk until no side is longer than that, [px], and none is nothing."""
+    shrink = longest / max(frame.shape[:2])
+    if shrink >= 1:
+        return frame
+    size = [max(1, round(shrink * length)) for length in frame.shape[1::-1]]
+    return np.asarray(cv2.resize(frame, size, interpolation=cv2.INTER_AREA), np.uint8)

@@ -12,6 +12,7 @@ from typing import Any
 from aiohttp import web, WSMsgType
 import cv2
 
+from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.geometry import Box
 from vtrack_ros.messages.images import decoded
 from vtrack_ros.selecting.access import guard
@@ -220,9 +221,6 @@ def _jpeg(message: Any) -> tuple[bytes, int, int]:
     """Return an image message as JPEG, and the image's own width and height."""
     frame = decoded(message)
     height, width = frame.shape[:2]
-    scale = _LONGEST_SIDE / max(height, width)
-    if scale < 1:
-        size = max(1, round(scale * width)), max(1, round(scale * height))
-        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode('.jpg', frame, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    _, data = cv2.imencode(
+        '.jpg', shrunk(frame, _LONGEST_SIDE), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
     return data.tobytes(), width, height

@@ -8,6 +8,7 @@ import math
 import cv2
 import numpy as np
 
+from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.affine import rotation
@@ -15,7 +16,7 @@ from vtrack_ros.geometry.affine import rotation
 #: A picture shows so many times the target's sides, all that a search window may reach.
 _SHOWN = 4.0
 #: The longest side of a picture, in pixels: larger ones are kept smaller.
-_LONGEST_SIDE = 256
+LONGEST_SIDE = 256
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Exemplar:
     def of(cls, frame: Frame, box: Box) -> Exemplar:
         """Keep what a frame shows of the target in a box and about it."""
         left, top, width, height = surroundings(frame, box)
-        picture = shrunk(frame[top:top + height, left:left + width])
+        picture = shrunk(frame[top:top + height, left:left + width], LONGEST_SIDE)
         across, down = picture.shape[1] / width, picture.shape[0] / height
         return cls(picture.copy(), Box((box.x - left) * across, (box.y - top) * down,
                                        box.width * across, box.height * down))
@@ -59,12 +60,3 @@ def surroundings(frame: Frame, box: Box) -> tuple[int, int, int, int]:
     right = min(math.ceil(around.x + around.width), frame.shape[1])
     bottom = min(math.ceil(around.y + around.height), frame.shape[0])
     return left, top, right - left, bottom - top
-
-
-def shrunk(pixels: Frame) -> Frame:
-    """Return a picture that is no larger than those that are kept."""
-    shrink = _LONGEST_SIDE / max(pixels.shape[:2])
-    if shrink >= 1:
-        return pixels
-    size = [max(1, round(shrink * length)) for length in pixels.shape[1::-1]]
-    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)

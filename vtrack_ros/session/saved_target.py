@@ -13,9 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.session.exemplar import Exemplar, shrunk, surroundings
+from vtrack_ros.session.exemplar import Exemplar, LONGEST_SIDE, surroundings
 from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.session import TrackingSession
 
@@ -68,7 +69,7 @@ class SavedTarget:
 
         def make() -> SavedTarget:
             left, top, width, height = region = surroundings(seen.frame, seen.bound)
-            picture = shrunk(seen.frame[top:top + height, left:left + width])
+            picture = shrunk(seen.frame[top:top + height, left:left + width], LONGEST_SIDE)
             return cls(node, tracker, identity, time, seen.stamp, interval, frame_id,
                        seen.frame.shape, seen.box, region, _encoded(picture), first.box,
                        _encoded(first.picture), seen.angle)
