@@ -1,56 +1,21 @@
 """The page in the browser: what it shows, what it does, and to whom it says no."""
 
 import asyncio
-from contextlib import asynccontextmanager, contextmanager
-import json
+from contextlib import contextmanager
 import os
-import re
-import threading
 
 import aiohttp
 from bag_material import write_slow_bag
 import cv2
 from forked_process import ForkedProcess
-from geometry_msgs.msg import PointStamped
-from node_harness import Client, NodeProcess, PATIENCE, STEP
+from node_harness import NodeProcess, PATIENCE
 import numpy as np
+from page_viewer import answer, serving, viewer
 import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
-from vision_msgs.msg import Detection2D
 
 from vtrack_ros.bags import BagReader
 from vtrack_ros.dds import with_profile
 from vtrack_ros.geometry import Box
-
-
-@contextmanager
-def serving(*arguments):
-    """Start `vtrack select` on a free port; returns its address."""
-    process = ForkedProcess('vtrack_ros.cli.command_line', 'main',
-                            ['select', '--port', '0', *arguments], with_profile(os.environ))
-    output = []
-    try:
-        for line in process.stdout:
-            output.append(line)
-            if line.startswith('http'):
-                address = line.strip()
-                break
-        else:
-            raise AssertionError(''.join(output))
-        # A pipe that nobody reads would fill.
-        reader = threading.Thread(target=lambda: output.extend(process.stdout))
-        reader.start()
-        yield address
-    finally:
-        if process.poll() is None:
-            process.send_signal(2)
-        code = process.wait(PATIENCE)
-    reader.join(PATIENCE)
-    assert code == 0 and 'Traceback' not in ''.join(output), ''.join(output)
 
 
 @pytest.fixture(scope='module')
@@ -91,56 +56,6 @@ def address(bag, recordings):
     """Play a bag to a node, and serve its page."""
     with NodeProcess(), serving('--recordings', str(recordings)) as address, playing(bag, 0.25):
         yield address
-
-
-class Seen:
-    """A viewer without a browser."""
-
-    def __init__(self, socket):
-        self.socket = socket
-        self.pictures = []
-        self.parameters = None
-
-    async def ask(self, **request):
-        """Send a request."""
-        await self.socket.send_json(request)
-
-    async def receive(self, kind):
-        """Return the next message of a kind; pictures that come before are acknowledged."""
-        async with asyncio.timeout(PATIENCE):
-            while True:
-                message = await self.socket.receive()
-                assert message.type is aiohttp.WSMsgType.TEXT, message
-                content = json.loads(message.data)
-                if content['kind'] == 'picture':
-                    content['jpeg'] = await self.socket.receive_bytes()
-                    if kind != 'picture':
-                        await self.ask(do='shown')
-                if content['kind'] == kind:
-                    return content
-
-    async def until(self, good):
-        """Return the first picture that is as wanted."""
-        async with asyncio.timeout(PATIENCE):
-            while not good(picture := await self.receive('picture')):
-                await self.ask(do='shown')
-        await self.ask(do='shown')
-        return picture
-
-    async def told(self, words):
-        """Return the first line that has these words."""
-        async with asyncio.timeout(PATIENCE):
-            while words not in (line := await self.receive('told'))['text']:
-                pass
-        return line
-
-
-@asynccontextmanager
-async def viewer(address, **arguments):
-    """Open the page's WebSocket."""
-    async with aiohttp.ClientSession() as session, session.ws_connect(
-            f'{address}ws', max_msg_size=0, **arguments) as socket:
-        yield Seen(socket)
 
 
 def state(name):
@@ -246,60 +161,6 @@ def test_parameters(address):
     asyncio.run(run())
 
 
-@pytest.fixture
-def idle_node():
-    """Return the executor of what looks like a tracking node, /late, and answers once spun."""
-    context = Context()
-    rclpy.init(context=context)
-    node = Node('late', context=context)
-    for name, kind in (('reset', Trigger), ('reinit', Trigger), ('enable', SetBool)):
-        node.create_service(kind, f'~/{name}', lambda request, response: response)
-    for name, kind in (('init', Detection2D), ('init_point', PointStamped)):
-        node.create_subscription(kind, f'~/{name}', lambda message: None, 1)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    yield executor
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.try_shutdown(context=context)
-
-
-def test_parameters_of_a_node_that_answers_late(idle_node):
-    """The page says that a node doesn't answer, and has its parameters as soon as it does."""
-    async def run(address):
-        async with viewer(address) as seen:
-            assert (await seen.told('did not answer'))['wrong']
-            spinning = asyncio.create_task(asyncio.to_thread(idle_node.spin))
-            try:
-                rows = (await seen.receive('parameters'))['rows']
-            finally:
-                idle_node.shutdown()
-                await spinning
-            assert 'use_sim_time' in [row['name'] for row in rows]
-    with serving('late') as address:
-        asyncio.run(run(address))
-
-
-def test_line_of_pixels():
-    """An image whose picture would be less than a pixel high is shown too."""
-    async def run(address, client):
-        line = np.full((2, 6000, 3), 128, np.uint8)
-        async with viewer(address) as seen:
-            shown = asyncio.create_task(seen.receive('picture'))
-            stamp = STEP
-            while not shown.done():
-                await asyncio.to_thread(client.send, line, stamp)
-                stamp += STEP
-            picture = await shown
-            assert (picture['width'], picture['height']) == (6000, 2)
-            jpeg = cv2.imdecode(np.frombuffer(picture['jpeg'], np.uint8), cv2.IMREAD_COLOR)
-            assert jpeg.shape == (1, 1280, 3)
-    # apart from the node that all tests share
-    with NodeProcess('-r', '__ns:=/line'), Client('/line/tracker') as client, (
-            serving('/line/tracker')) as address:
-        asyncio.run(run(address, client.ready()))
-
-
 def test_pause(address):
     """While it's paused pictures come all the same."""
     async def run():
@@ -344,13 +205,6 @@ def test_oversized_message(address):
     asyncio.run(run())
 
 
-async def answer(address, **headers):
-    """Return the status of an address."""
-    async with aiohttp.ClientSession() as session:
-        async with session.get(address, headers=headers) as response:
-            return response.status
-
-
 def test_other_origin(address):
     """A page of another origin can't open the WebSocket, nor one that takes this host's name."""
     async def run():
@@ -365,21 +219,6 @@ def test_other_origin(address):
         async with viewer(address, headers={'Origin': address.rstrip('/')}) as seen:
             await seen.receive('parameters')
     asyncio.run(run())
-
-
-def test_token():
-    """On an address that was asked for, the page is behind a token; it says so without a node."""
-    async def run(whole):
-        assert re.fullmatch(r'http://127.0.0.1:\d+/[\w-]{20,}/', whole)
-        root = whole.rsplit('/', 2)[0]
-        for path in ('', '/', '/ws', '/page.js', '/wrong/', '/wrong/ws', '/%ff/'):
-            assert await answer(root + path) == 403, path
-        assert await answer(whole) == await answer(f'{whole}page.css') == 200
-        assert await answer(f'{whole}other') == 404
-        async with viewer(whole) as seen:
-            assert (await seen.told('waiting for the node /nobody'))['wrong']
-    with serving('--host', '127.0.0.1', 'nobody') as whole:
-        asyncio.run(run(whole))
 
 
 def test_particles(address, truth):

@@ -9,8 +9,8 @@ from browser import CHROMIUM, open_page
 import cv2
 from node_harness import Client, image_message, NodeProcess, Scene, STEP
 import numpy as np
+from page_viewer import serving
 import pytest
-from test_select import serving
 
 from vtrack_ros.geometry import Box
 

@@ -7,6 +7,7 @@ import time
 
 import aiohttp
 from node_harness import PATIENCE
+from page_viewer import viewer
 import pytest
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.parameter import Parameter
@@ -77,9 +78,8 @@ def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
         serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
         while not (output := capsys.readouterr().out):
             await asyncio.sleep(0.01)
-        async with aiohttp.ClientSession() as session, session.ws_connect(
-                f'{output.split()[0]}ws') as socket:
-            assert (await socket.receive(PATIENCE)).type is aiohttp.WSMsgType.CLOSED
+        async with viewer(output.split()[0]) as seen:
+            assert (await seen.socket.receive(PATIENCE)).type is aiohttp.WSMsgType.CLOSED
         serving.cancel()
         await asyncio.gather(serving, return_exceptions=True)
     asyncio.run(main())

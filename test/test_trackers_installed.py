@@ -10,8 +10,8 @@ import tomllib
 
 from bag_material import write_short_bag
 from node_harness import Client, NodeProcess, overlap, Scene
+from page_viewer import serving, viewer
 import pytest
-from test_select import serving, viewer
 from vtrack_ros.trackers import tracker_names
 
 #: Entry points that are no trackers, and what is said of them.

@@ -1,0 +1,63 @@
+"""The page of a node that isn't there, one that answers late, and one of an odd camera."""
+
+import asyncio
+import re
+
+import cv2
+from geometry_msgs.msg import PointStamped
+from node_harness import Client, NodeProcess, STEP
+import numpy as np
+from page_viewer import answer, serving, viewer
+from std_srvs.srv import SetBool, Trigger
+from vision_msgs.msg import Detection2D
+
+
+def test_token():
+    """On an address that was asked for, the page is behind a token; it says so without a node."""
+    async def run(whole):
+        assert re.fullmatch(r'http://127.0.0.1:\d+/[\w-]{20,}/', whole)
+        root = whole.rsplit('/', 2)[0]
+        for path in ('', '/', '/ws', '/page.js', '/wrong/', '/wrong/ws', '/%ff/'):
+            assert await answer(root + path) == 403, path
+        assert await answer(whole) == await answer(f'{whole}page.css') == 200
+        assert await answer(f'{whole}other') == 404
+        async with viewer(whole) as seen:
+            assert (await seen.told('waiting for the node /nobody'))['wrong']
+    with serving('--host', '127.0.0.1', 'nobody') as whole:
+        asyncio.run(run(whole))
+
+
+def test_parameters_of_a_node_that_answers_late():
+    """The page says that a node doesn't answer, and has its parameters as soon as it does."""
+    async def run(address, client):
+        async with viewer(address) as seen:
+            assert (await seen.told('did not answer'))['wrong']
+            told = asyncio.create_task(seen.receive('parameters'))
+            await asyncio.to_thread(client.until, told.done, 'nobody asked again')
+            assert 'use_sim_time' in [row['name'] for row in (await told)['rows']]
+    # what looks like a tracking node, and answers nobody until it's spun
+    with Client(publish=None) as client:
+        for name, kind in (('reset', Trigger), ('reinit', Trigger), ('enable', SetBool)):
+            client.node.create_service(kind, f'~/{name}', lambda request, response: response)
+        for name, kind in (('init', Detection2D), ('init_point', PointStamped)):
+            client.node.create_subscription(kind, f'~/{name}', lambda message: None, 1)
+        with serving(client.node.get_name()) as address:
+            asyncio.run(run(address, client))
+
+
+def test_line_of_pixels():
+    """An image whose picture would be less than a pixel high is shown too."""
+    async def run(address, client):
+        line = np.full((2, 6000, 3), 128, np.uint8)
+        async with viewer(address) as seen:
+            shown = asyncio.create_task(seen.receive('picture'))
+            stamp = STEP
+            while not shown.done():
+                await asyncio.to_thread(client.send, line, stamp)
+                stamp += STEP
+            picture = await shown
+            assert (picture['width'], picture['height']) == (6000, 2)
+            jpeg = cv2.imdecode(np.frombuffer(picture['jpeg'], np.uint8), cv2.IMREAD_COLOR)
+            assert jpeg.shape == (1, 1280, 3)
+    with NodeProcess(), Client() as client, serving() as address:
+        asyncio.run(run(address, client.ready()))
