@@ -122,3 +122,18 @@ def test_the_threshold_says_what_counts_as_seen():
         each.judge(0.09, 4.5, 1.0, elsewhere=True)
     assert 0.1 < lenient.confidence == strict.confidence < 0.9
     assert (lenient.unseen_frames, strict.unseen_frames) == (0, 1)
+
+
+def test_motion_has_a_say_in_what_is_said_but_not_in_what_is_done():
+    """It takes as much off the evidence; whether the target is followed goes by its look."""
+    def judged(motion, elsewhere=False):
+        presence = PresenceDetector()
+        for _ in range(6):
+            presence.judge(0.09, 5.0, 1.0, elsewhere, motion)
+        return presence
+    usual, resting = judged(0.0), judged(-1.5)
+    assert logit(usual.confidence) - logit(resting.confidence) == pytest.approx(1.5, abs=0.01)
+    assert resting.absent_frames > 0 == usual.absent_frames
+    assert resting.unseen_frames == usual.unseen_frames == 0
+    # the way to another place isn't the target's motion
+    assert judged(-1.5, elsewhere=True).confidence == judged(0.0, elsewhere=True).confidence

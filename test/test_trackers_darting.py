@@ -82,3 +82,17 @@ def test_a_target_that_goes_away_and_changes_its_look_is_followed(name, seed):
         estimate = tracker.update(frame) if step else tracker.start(frame, box)
         assert estimate.state is TrackState.TRACKING
     assert estimate.box.iou(box) > 0.8
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('name', GUIDED)
+def test_a_target_that_stops_is_still_there(name, seed):
+    """It rests on the ground as the place does where a target was lost, but looks like itself."""
+    video = DrawnVideo(seed=seed)
+    tracker = create_tracker(name, seed=seed)
+    places = [(60.0 + 4 * step, 110.0) for step in range(41)] + [(220.0, 110.0)] * 40
+    tracker.start(video.frame(places[0]), box_at(places[0]))
+    for place in places[1:]:
+        estimate = tracker.update(video.frame(place))
+        assert estimate.state is TrackState.TRACKING and estimate.confidence > 0.9
+    assert estimate.box.iou(box_at(places[-1])) > 0.8

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Frame, Point
+from vtrack_ros.geometry import Box
 
 #: Columns of the sparse grid of pixels that tells of the whole image, at most twice as many.
 _COLUMNS = 64
@@ -20,6 +21,17 @@ _COLUMNS = 64
 _SMALLEST = 8
 #: Share of the correlation's energy in its peak below which nothing is known.
 _RELIABLE = 0.45
+
+#: Columns of the finer grid on which the ground's points are followed, at most twice as many.
+_FINE_COLUMNS = 128
+#: Points of the ground, across and down the image, and those about the target that may be parts of
+#: it: as near as that to its middle, in sides.
+_ACROSS, _DOWN, _TARGETS = 6, 5, 0.65
+#: A point shows nothing where its surroundings have less texture than that [Shi and Tomasi 1994].
+_TEXTURE = 1e-3
+#: They agree where so many, and this share of those followed, went as near as that to their median
+#: step, in samples.
+_LEAST_POINTS, _SHARE, _ALIKE = 6, 0.4, 1.0
 
 #: Points along each side of the target, and which share of it they cover.
 _POINTS, _COVERED = 6, 0.9
@@ -53,14 +65,15 @@ class CameraMotion:
     """
 
     def __init__(self, frame: Frame) -> None:
-        self._latest, self._stride = self._sampled(frame)
+        pixels, self._stride = every_pixel(frame, _COLUMNS)
+        self._latest = pixels.astype(np.float32)
         rows, columns = self._latest.shape
         self._taper = np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
 
     def update(self, frame: Frame) -> Point | None:
         """Return by how much the picture moved since the last frame, in pixels, or None."""
         before = self._latest
-        self._latest, _ = self._sampled(frame)
+        self._latest = every_pixel(frame, _COLUMNS)[0].astype(np.float32)
         if min(before.shape) < _SMALLEST:
             return None
         (x, y), reliability = cv2.phaseCorrelate(before, self._latest, self._taper)
@@ -68,12 +81,50 @@ class CameraMotion:
             return None
         return x * self._stride, y * self._stride
 
-    @staticmethod
-    def _sampled(frame: Frame) -> tuple[NDArray[np.float32], int]:
-        stride = max(1, frame.shape[1] // _COLUMNS)
-        pixels = frame[::stride, ::stride]
-        green = pixels[:, :, 1] if pixels.ndim == 3 else pixels
-        return np.ascontiguousarray(green, np.float32), stride
+
+class GroundMotion:
+    """
+    Measures to a part of a pixel how the ground about a target moved, or says nothing.
+
+    Phase correlation is off by several pixels where much moves in the picture. Here points beside
+    the target are followed [Lucas and Kanade 1981], and where enough of them agree they are the
+    ground's. It costs the same in any frame.
+    """
+
+    def __init__(self, frame: Frame) -> None:
+        self._latest, self._stride = every_pixel(frame, _FINE_COLUMNS)
+        rows, columns = self._latest.shape
+        x, y = ((np.arange(points) + 0.5) / points * side
+                for points, side in ((_ACROSS, columns), (_DOWN, rows)))
+        self._points = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32).reshape(-1, 1, 2)
+
+    def update(self, frame: Frame, target: Box) -> Point | None:
+        """Return the ground's step since the last frame, in pixels; the target was in that box."""
+        before = self._latest
+        self._latest, stride = every_pixel(frame, _FINE_COLUMNS)
+        near = np.multiply((target.width, target.height), _TARGETS / stride)
+        away = np.abs(self._points[:, 0] - np.divide(target.center, stride))
+        points = self._points[(away > near).any(axis=1)]
+        if min(before.shape) < _SMALLEST or len(points) < _LEAST_POINTS:
+            return None
+        there, found, _ = cv2.calcOpticalFlowPyrLK(
+            before, self._latest, points, None, winSize=(_WINDOW, _WINDOW), maxLevel=_HALVINGS,
+            criteria=_UNTIL, minEigThreshold=_TEXTURE)
+        steps = (there - points)[found[:, 0] > 0, 0]
+        if len(steps) < _LEAST_POINTS:
+            return None
+        alike = (np.abs(steps - np.median(steps, axis=0)) < _ALIKE).all(axis=1)
+        if alike.sum() < max(_LEAST_POINTS, _SHARE * len(steps)):
+            return None
+        x, y = (stride * steps[alike].mean(axis=0)).tolist()
+        return x, y
+
+
+def every_pixel(frame: Frame, columns: int) -> tuple[Frame, int]:
+    """Return every so manieth pixel of a frame, at least so many columns, and the stride."""
+    stride = max(1, frame.shape[1] // columns)
+    pixels = frame[::stride, ::stride]
+    return np.ascontiguousarray(pixels[:, :, 1] if pixels.ndim == 3 else pixels), stride
 
 
 @dataclass(frozen=True)

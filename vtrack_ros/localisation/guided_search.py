@@ -11,8 +11,10 @@ import numpy as np
 from vtrack_ros.appearance.image_motion import CameraMotion, TargetFlow, TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
+from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
+from vtrack_ros.localisation.motion_evidence import MotionEvidence
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 
 #: Below this share of the usual response, or after so many frames, more windows are searched.
@@ -56,12 +58,14 @@ class Found:
 
     `contested` tells that a distractor is so near that only motion tells which one is the target,
     `hidden` that the place is only where the target is expected, for the distractor is there.
+    `motion` is what the target's motion to it adds to the evidence for its presence.
     """
 
     response: ResponseMap
     place: Point
     contested: bool = False
     hidden: bool = False
+    motion: float = 0.0
 
 
 class GuidedSearch:
@@ -96,6 +100,7 @@ class GuidedSearch:
         self._shift: Point | None = None
         self._velocity = self._own_velocity = np.zeros(2)
         self._distractors = Distractors()
+        self._evidence = MotionEvidence(frame, target.box)
         #: For so many frames the target has been hidden since a distractor came near.
         self._hidden = 0.0
 
@@ -119,12 +124,16 @@ class GuidedSearch:
         self._found = self._confirmed(frame, found, expected)
         if target.network is None:
             self._follow_distractors(frame, every, dt)
+            box = Box.from_center(*self._found.place, *target.size)
+            self._found = replace(self._found, motion=self._evidence.update(frame, box, dt))
         return self._found
 
     def follow(self, dt: float, elsewhere: bool) -> None:
         """Learn from where the target is now, unless that is `elsewhere`, or it isn't seen."""
         target = self._target
         self._flow = None if elsewhere else self._seen_flow()
+        if elsewhere or self._found.hidden:
+            self._evidence.restart()
         if elsewhere or not target.is_followed:
             self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
             return

@@ -176,7 +176,7 @@ class Hypotheses:
         return self._leader.likeness(frame, place)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               hidden: bool = False) -> bool:
+               hidden: bool = False, motion: float = 0.0) -> bool:
         """
         Take the place that a tracker decided for; see `Localiser.update`.
 
@@ -184,7 +184,7 @@ class Hypotheses:
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
-        elsewhere = self._leader.update(frame, response, center, dt)
+        elsewhere = self._leader.update(frame, response, center, dt, motion=motion)
         if self.network is not None:
             return elsewhere
         if self._leader.restarted:

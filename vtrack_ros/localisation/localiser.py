@@ -152,11 +152,12 @@ class Localiser:
         return similarity / max(live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               search: bool = True) -> bool:
+               search: bool = True, motion: float = 0.0) -> bool:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
-        After a failure it's searched elsewhere too, unless somebody else does that.
+        After a failure it's searched elsewhere too, unless somebody else does that. `motion` is
+        what its motion adds to the evidence for its presence.
 
         Returns whether the target was found again elsewhere. Where it wasn't, the centre is the
         given one, or next to it: near the border of the response's window a place is localised
@@ -186,7 +187,7 @@ class Localiser:
                 self._restart(sighting.center, sighting.size, sighting.similarity)
                 self.restarted = elsewhere = True
                 sharpness = sighting.sharpness
-        self._presence.judge(self._similarity, sharpness, dt, elsewhere)
+        self._presence.judge(self._similarity, sharpness, dt, elsewhere, motion)
         return elsewhere
 
     def require(self, confidence: float) -> None:
@@ -222,12 +223,12 @@ class Localiser:
         """
         center, angle, size = self.center, self.angle, size or self.size
         box = Box.around_ellipse(center, size, angle)
-        unseen = self._presence.unseen_frames
-        least = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, unseen)
+        absent = self._presence.absent_frames
+        least = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, absent)
         missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
             box=box, angle=angle, covariance=covariance + np.diag(missing),
-            confidence=self._presence.confidence, state=state_after(unseen), particles=particles,
+            confidence=self._presence.confidence, state=state_after(absent), particles=particles,
             affine=transformation(center, size, angle) if angle else None)
 
     def _restart(self, center: Point, size: Point, similarity: float) -> None:

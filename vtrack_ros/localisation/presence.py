@@ -141,34 +141,43 @@ class PresenceDetector:
     textures are a little similar to everything; but where the target is, the response to its live
     model is sharp as well. Neither alone tells as much as both. A similarity that fell abruptly
     speaks against it, one that faded doesn't.
+
+    What is said of the target counts its motion too (`confidence`, `absent_frames`). What a
+    tracker does goes by the look alone (`unseen_frames`): whoever searches elsewhere because the
+    target rests loses more than is found.
     """
 
     def __init__(self) -> None:
-        self._evidence = _CLEAR
+        self._evidence = self._said = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
         """The confidence from which on the target counts as seen."""
         self.unseen_frames = 0.0
         """For so many frames the target hasn't been seen; 0 if it was in the last one."""
+        self.absent_frames = 0.0
+        """For so many frames it's said not to be there; 0 if it was in the last one."""
 
     @property
     def confidence(self) -> float:
         """Return how sure it is that the target is where it was localised, in [0, 1]."""
-        return logistic(self._evidence)
+        return logistic(self._said)
 
     def judge(self, similarity: float, sharpness: float, dt: float,
-              elsewhere: bool = False) -> None:
+              elsewhere: bool = False, motion: float = 0.0) -> None:
         """
         Take in one more frame's similarity to the initial template, and its sharpness.
 
-        To those of another place, `elsewhere`, the last frames' mean nothing.
+        `motion` is what the target's motion adds to the evidence. To what is seen at another
+        place, `elsewhere`, the last frames' mean nothing.
         """
         latest = evidence(similarity, sharpness)
         if self._falls(similarity, dt, elsewhere):
             latest -= _FALL_WEIGHT
         self._evidence = latest if elsewhere else self._averaged(latest)
-        seen = self.confidence >= self.threshold
+        self._said = self._evidence + (0.0 if elsewhere else motion)
+        seen, said = (logistic(value) >= self.threshold for value in (self._evidence, self._said))
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
+        self.absent_frames = 0.0 if said else self.absent_frames + dt
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the target is present beyond doubt if that's what the next frame says."""

@@ -76,7 +76,8 @@ class MeanShiftParticleFilter(LocalisedTracker):
                   else response.unless_dominated(place, start))
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
-        elsewhere = localiser.update(frame, response, center, dt, found.hidden)
+        elsewhere = localiser.update(
+            frame, response, center, dt, found.hidden, found.motion)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             # what was drawn and found about the old place says nothing of the new one

@@ -1,0 +1,112 @@
+"""By how much the ground about a target moved between two frames."""
+
+import cv2
+from drawn_video import texture
+import numpy as np
+import pytest
+
+from vtrack_ros.appearance.image_motion import GroundMotion
+from vtrack_ros.geometry import Box
+
+SCENE = texture((800, 1000), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 25,
+                np.random.default_rng(2))
+NOWHERE = Box(-500, -500, 10, 10)
+
+
+def view(x, y, width=320, height=240):
+    """Return what a camera sees that is turned so far."""
+    return SCENE[160 + y:160 + height + y, 180 + x:180 + width + x]
+
+
+def patch(width, height):
+    """Return something that isn't the ground."""
+    return texture((height, width), [(10, 10, 10), (250, 250, 250)], 12, np.random.default_rng(4))
+
+
+def pasted(background, thing, x, y):
+    """Return the background behind a thing."""
+    picture = background.copy()
+    picture[y:y + thing.shape[0], x:x + thing.shape[1]] = thing
+    return picture
+
+
+@pytest.mark.parametrize('x, y', [(0, 0), (3, 1), (12, -7), (-14, 12)])
+@pytest.mark.parametrize('width, height', [(320, 240), (640, 480)])
+@pytest.mark.parametrize('grey', [False, True])
+def test_a_camera_that_turns_moves_the_ground(x, y, width, height, grey):
+    """To a part of a pixel, though it's measured on every second, or fifth."""
+    first, second = view(0, 0, width, height), view(x, y, width, height)
+    if grey:
+        first, second = first[:, :, 0], second[:, :, 0]
+    step = GroundMotion(first).update(second, NOWHERE)
+    assert step == (pytest.approx(-x, abs=0.4), pytest.approx(-y, abs=0.4))
+
+
+def test_it_is_measured_from_one_frame_to_the_next():
+    """The step isn't the way since the first one."""
+    ground = GroundMotion(view(0, 0))
+    for turn in range(1, 5):
+        step = ground.update(view(2 * turn, turn), NOWHERE)
+        assert step == (pytest.approx(-2, abs=0.2), pytest.approx(-1, abs=0.2))
+
+
+def test_what_moves_in_the_picture_is_not_the_ground():
+    """A camera that rests does so to a tenth of a pixel, while a third of the picture moves."""
+    background, thing = view(0, 0), patch(160, 160)
+    step = GroundMotion(pasted(background, thing, 60, 40)).update(
+        pasted(background, thing, 69, 36), NOWHERE)
+    assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
+
+
+def test_the_target_is_not_the_ground_either():
+    """Where it fills half of the picture its points don't count, though most are on it."""
+    background, thing = view(0, 0), patch(230, 170)
+    ground = GroundMotion(pasted(background, thing, 40, 30))
+    step = ground.update(pasted(background, thing, 46, 33), Box(40, 30, 230, 170))
+    assert step is None or step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
+
+
+def test_a_smaller_target_leaves_the_ground_in_sight():
+    """Points beside it tell, and those on it don't count."""
+    background, thing = view(0, 0), patch(150, 110)
+    step = GroundMotion(pasted(background, thing, 80, 60)).update(
+        pasted(background, thing, 86, 63), Box(80, 60, 150, 110))
+    assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
+
+
+def test_a_target_before_a_blank_wall_tells_nothing_of_the_ground():
+    """Without texture beside it nobody knows what moves."""
+    blank, thing = np.full((240, 320, 3), 120, np.uint8), patch(60, 60)
+    step = GroundMotion(pasted(blank, thing, 130, 90)).update(
+        pasted(blank, thing, 138, 90), Box(130, 90, 60, 60))
+    assert step is None
+
+
+def test_a_zoom_is_a_step_of_the_middle():
+    """Its points go to all sides."""
+    first = view(0, 0)
+    matrix = cv2.getRotationMatrix2D((159.5, 119.5), 0, 1.01)
+    matrix[:, 2] += 6, -4
+    second = cv2.warpAffine(first, matrix, (320, 240), borderMode=cv2.BORDER_REFLECT)
+    step = GroundMotion(first).update(second, NOWHERE)
+    assert step == (pytest.approx(6, abs=1), pytest.approx(-4, abs=1))
+
+
+def test_pictures_without_anything_in_common_say_nothing():
+    """No motion rather than any."""
+    rng = np.random.default_rng(0)
+    first, second = (rng.integers(256, size=(240, 320), dtype=np.uint8) for _ in range(2))
+    assert GroundMotion(first).update(second, NOWHERE) is None
+
+
+@pytest.mark.parametrize('shape', [(1, 1, 3), (1, 40, 3), (5, 300), (7, 2000, 3)])
+def test_a_sliver_of_a_frame_says_nothing(shape):
+    """There isn't enough of it to compare."""
+    frame = np.random.default_rng(0).integers(256, size=shape, dtype=np.uint8)
+    assert GroundMotion(frame).update(frame, NOWHERE) is None
+
+
+def test_nothing_is_left_beside_a_target_that_fills_the_frame():
+    """Then nothing is known either."""
+    frame = view(0, 0)
+    assert GroundMotion(frame).update(frame, Box(-10, -10, 500, 400)) is None

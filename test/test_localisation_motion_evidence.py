@@ -1,0 +1,95 @@
+"""What a target's motion over the ground says of its presence."""
+
+from drawn_video import texture
+import numpy as np
+import pytest
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.motion_evidence import MotionEvidence
+
+SCENE = texture((360, 2000), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 20,
+                np.random.default_rng(2))
+WIDTH = 320
+SIDE = 30.0
+
+
+class Walk:
+    """A target that moves over the ground, and a camera that turns, by so many pixels a frame."""
+
+    def __init__(self, turns=0):
+        self.turns, self.turned, self.x = turns, 0, 300.0
+        self.evidence = MotionEvidence(self.frame(), self.box())
+        self.value = 0.0
+
+    def frame(self):
+        return SCENE[:240, 20 + self.turned:20 + self.turned + WIDTH]
+
+    def box(self):
+        return Box.from_center(self.x - self.turned, 120.0, SIDE, SIDE)
+
+    def go(self, speed, frames, dt=1):
+        """Move for some frames; return what is said last."""
+        for _ in range(frames):
+            self.x += speed * dt
+            self.turned += self.turns * dt
+            self.value = self.evidence.update(self.frame(), self.box(), dt)
+        return self.value
+
+
+@pytest.mark.parametrize('turns', [0, 3])
+@pytest.mark.parametrize('speed', [0.0, 0.3, 2.0])
+@pytest.mark.parametrize('dt', [1, 2])
+def test_who_moves_as_ever_is_believed(turns, speed, dt):
+    """Nor is it held against who has rested since it was pointed out; the camera doesn't count."""
+    assert 0.1 < Walk(turns).go(speed, 60, dt) < 0.3
+
+
+@pytest.mark.parametrize('turns', [0, 3])
+def test_who_comes_to_rest_on_the_ground_is_doubted_for_a_while(turns):
+    """A tracker that lost its target moves with the ground; but a target may stop, too."""
+    walk = Walk(turns)
+    walk.go(2.0, 40)
+    assert walk.go(0.0, 10) < -1.2
+    # a longer rest takes no more off than that, and in time it's usual
+    least = min(walk.go(0.0, 5) for _ in range(6))
+    assert -2.2 < least < -1.5
+    assert walk.go(0.0, 180) > -0.2
+
+
+def test_who_rests_in_the_picture_of_a_camera_that_turns_moves():
+    """That's a target that the camera follows."""
+    walk = Walk(turns=2)
+    assert 0.1 < walk.go(2.0, 60) < 0.3
+
+
+def test_haste_is_doubted_less_than_rest():
+    """Targets dart off sometimes."""
+    walk = Walk()
+    walk.go(0.3, 40)
+    assert -0.5 < walk.go(6.0, 8) < 0
+
+
+def test_of_a_target_that_was_just_pointed_out_nothing_is_usual():
+    """It has no say in the first frames."""
+    walk = Walk()
+    assert walk.go(6.0, 3) == walk.go(0.0, 2) == 0
+
+
+def test_who_is_found_elsewhere_moves_as_usual():
+    """Neither the way there counts, nor the rest before."""
+    walk = Walk()
+    walk.go(2.0, 40)
+    assert walk.go(0.0, 10) < -1
+    walk.x += 150.0
+    walk.evidence.restart()
+    assert 0.1 < walk.go(2.0, 1) < 0.3
+    assert walk.go(2.0, 6) > 0
+
+
+def test_where_the_ground_has_no_texture_nothing_is_said():
+    """Nobody knows what moves."""
+    blank = np.full((240, WIDTH, 3), 120, np.uint8)
+    evidence = MotionEvidence(blank, Box.from_center(100, 120, SIDE, SIDE))
+    for step in range(40):
+        box = Box.from_center(100 + 2 * min(step, 20), 120, SIDE, SIDE)
+        assert evidence.update(blank, box, 1.0) == 0

@@ -1,0 +1,77 @@
+"""What a target's motion over the ground says of its presence."""
+
+from __future__ import annotations
+
+import math
+
+from vtrack_ros.appearance.image_motion import GroundMotion
+from vtrack_ros.frame import Frame
+from vtrack_ros.geometry import Box
+
+#: The motion is measured over so many frames.
+_EVERY = 2
+#: A speed is told from rest from this on, [sides a frame], and no faster than that; recent and
+#: usual are running means over so many frames, after so many.
+_LEAST_SPEED, _LARGEST_SPEED = 0.004, 0.5
+_RECENT_FRAMES, _USUAL_FRAMES, _FIRST_FRAMES = 8, 40, 5
+#: What the usual speed adds to the evidence; what a logarithm less, and one more, takes off, each
+#: for so much at most.
+_AS_USUAL, _REST_WEIGHT, _HASTE_WEIGHT, _LARGEST_CHANGE = 0.2, 3.0, 0.75, 0.7
+
+
+class MotionEvidence:
+    """
+    Compares how fast a target moves over the ground with how fast it did.
+
+    A tracker that has lost its target often stays where that was, and moves with the ground as the
+    target didn't: look and sharpness don't tell, for what's there it has learned. Or it strays
+    over what resembles the target, faster than that ever was. Speeds are compared by their
+    logarithms. A target that has rested for long rests as usual.
+    """
+
+    def __init__(self, frame: Frame, target: Box) -> None:
+        self._ground = GroundMotion(frame)
+        #: Where the target was when the ground was seen last, and for how many frames since.
+        self._before: Box | None = target
+        self._since = 0.0
+        self._waiting = 0
+        #: Frames with a known motion, and the means of the logarithm of their speed.
+        self._frames = self._recent = self._usual = 0.0
+
+    def update(self, frame: Frame, target: Box, dt: float) -> float:
+        """
+        Return what is added to the logarithm of the odds for the target's presence.
+
+        It's in that box of this frame, `dt` after the last one.
+        """
+        self._since += dt
+        self._waiting += 1
+        if self._waiting == _EVERY:
+            before, since = self._before, self._since
+            step = self._ground.update(frame, before or target)
+            if before is not None and step is not None:
+                own = (target.center[0] - before.center[0] - step[0],
+                       target.center[1] - before.center[1] - step[1])
+                self._learn(math.hypot(*own) / math.sqrt(target.area) / since, since)
+            self._before, self._since, self._waiting = target, 0.0, 0
+        return self._value
+
+    def restart(self) -> None:
+        """Begin again with a target that is found elsewhere: it moves as usual."""
+        self._before, self._recent = None, self._usual
+
+    def _learn(self, speed: float, dt: float) -> None:
+        """Take in a speed over the ground, [sides a frame]."""
+        value = math.log(_LEAST_SPEED + min(speed, _LARGEST_SPEED))
+        self._frames += dt
+        first = dt / self._frames
+        self._recent += min(max(first, dt / _RECENT_FRAMES), 1.0) * (value - self._recent)
+        self._usual += min(max(first, dt / _USUAL_FRAMES), 1.0) * (value - self._usual)
+
+    @property
+    def _value(self) -> float:
+        if self._frames <= _FIRST_FRAMES:
+            return 0.0
+        change = self._recent - self._usual
+        weight = _HASTE_WEIGHT if change > 0 else _REST_WEIGHT
+        return _AS_USUAL - weight * min(abs(change), _LARGEST_CHANGE)
