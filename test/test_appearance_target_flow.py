@@ -120,6 +120,25 @@ def test_no_step_is_told_where_the_points_part():
     assert motion(first, second).step is None
 
 
+def test_a_few_points_say_nothing_though_they_agree():
+    """Two thirds of the target become blank, and the rest goes on."""
+    first, second = zoomed(1.0), zoomed(1.0, (6.0, 0.0))
+    for frame in (first, second):
+        frame[:, :round(START[0] + TARGET[0] / 6 + 3)] = 90
+    found = motion(first, second)
+    assert found.step is None and found.growth is None and found.turn is None
+
+
+@pytest.mark.parametrize('angle', [0.0, 1.0, -1.3])
+def test_the_points_are_the_target_s_wherever_it_is_in_the_window(angle):
+    """It moves before the ground, and isn't in the middle of the window that it was seen in."""
+    about = START[0] + 16, START[1] - 4
+    window = WindowLayout.around(*TARGET).window(VIDEO.frame(START, 0.0), about, TARGET, angle)
+    flow = TargetFlow(window.grey, window.pixels, START, TARGET)
+    step = flow.motion(VIDEO.frame((START[0] + 3, START[1] + 2), 0.0)).step
+    assert step == pytest.approx((3, 2), abs=0.3)
+
+
 @pytest.mark.parametrize('shape', [(1, 1), (1, 40, 3), (240, 320, 3)])
 @pytest.mark.parametrize('center', [(0.0, 0.0), (-300.0, 5.0), (1e4, 1e4)])
 def test_a_target_beyond_the_frame_says_nothing_and_does_no_harm(shape, center):

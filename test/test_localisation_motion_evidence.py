@@ -7,14 +7,14 @@ import pytest
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
 
-SCENE = texture((360, 2000), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 20,
+SCENE = texture((1200, 1200), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 20,
                 np.random.default_rng(2))
 WIDTH = 320
 SIDE = 30.0
 
 
 class Walk:
-    """A target that moves over the ground, and a camera that turns, by so many pixels a frame."""
+    """A target moves over the ground, and a camera turns, both aslant, by so many px a frame."""
 
     def __init__(self, turns=0):
         self.turns, self.turned, self.x = turns, 0, 300.0
@@ -22,10 +22,11 @@ class Walk:
         self.value = 0.0
 
     def frame(self):
-        return SCENE[:240, 20 + self.turned:20 + self.turned + WIDTH]
+        return SCENE[20 + self.turned:260 + self.turned, 20 + self.turned:20 + self.turned + WIDTH]
 
     def box(self):
-        return Box.from_center(self.x - self.turned, 120.0, SIDE, SIDE)
+        return Box.from_center(
+            self.x - self.turned, self.x - 180.0 - self.turned, SIDE, SIDE)
 
     def go(self, speed, frames, dt=1):
         """Move for some frames; return what is said last."""
@@ -41,7 +42,7 @@ class Walk:
 @pytest.mark.parametrize('dt', [1, 2])
 def test_who_moves_as_ever_is_believed(turns, speed, dt):
     """Nor is it held against who has rested since it was pointed out; the camera doesn't count."""
-    assert 0.1 < Walk(turns).go(speed, 60, dt) < 0.3
+    assert 0.3 < Walk(turns).go(speed, 60, dt) < 0.5
 
 
 @pytest.mark.parametrize('turns', [0, 3])
@@ -49,24 +50,24 @@ def test_who_comes_to_rest_on_the_ground_is_doubted_for_a_while(turns):
     """A tracker that lost its target moves with the ground; but a target may stop, too."""
     walk = Walk(turns)
     walk.go(2.0, 40)
-    assert walk.go(0.0, 10) < -1.2
+    assert walk.go(0.0, 10) < -1.0
     # a longer rest takes no more off than that, and in time it's usual
     least = min(walk.go(0.0, 5) for _ in range(6))
-    assert -2.2 < least < -1.5
-    assert walk.go(0.0, 180) > -0.2
+    assert -1.8 < least < -1.4
+    assert walk.go(0.0, 160) > 0.1
 
 
 def test_who_rests_in_the_picture_of_a_camera_that_turns_moves():
     """That's a target that the camera follows."""
     walk = Walk(turns=2)
-    assert 0.1 < walk.go(2.0, 60) < 0.3
+    assert 0.3 < walk.go(2.0, 60) < 0.5
 
 
 def test_haste_is_doubted_less_than_rest():
     """Targets dart off sometimes."""
     walk = Walk()
     walk.go(0.3, 40)
-    assert -0.5 < walk.go(6.0, 8) < 0
+    assert -0.2 < walk.go(6.0, 8) < 0.1
 
 
 def test_of_a_target_that_was_just_pointed_out_nothing_is_usual():
@@ -79,11 +80,11 @@ def test_who_is_found_elsewhere_moves_as_usual():
     """Neither the way there counts, nor the rest before."""
     walk = Walk()
     walk.go(2.0, 40)
-    assert walk.go(0.0, 10) < -1
+    assert walk.go(0.0, 10) < -0.8
     walk.x += 150.0
     walk.evidence.restart()
-    assert 0.1 < walk.go(2.0, 1) < 0.3
-    assert walk.go(2.0, 6) > 0
+    assert 0.3 < walk.go(2.0, 1) < 0.5
+    assert walk.go(2.0, 6) > 0.2
 
 
 def test_where_the_ground_has_no_texture_nothing_is_said():

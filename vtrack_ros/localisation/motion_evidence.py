@@ -16,7 +16,7 @@ _LEAST_SPEED, _LARGEST_SPEED = 0.004, 0.5
 _RECENT_FRAMES, _USUAL_FRAMES, _FIRST_FRAMES = 8, 40, 5
 #: What the usual speed adds to the evidence; what a logarithm less, and one more, takes off, each
 #: for so much at most.
-_AS_USUAL, _REST_WEIGHT, _HASTE_WEIGHT, _LARGEST_CHANGE = 0.2, 3.0, 0.75, 0.7
+_AS_USUAL, _REST_WEIGHT, _HASTE_WEIGHT, _LARGEST_CHANGE = 0.4, 3.0, 0.75, 0.7
 
 
 class MotionEvidence:
