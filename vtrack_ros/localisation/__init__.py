@@ -23,9 +23,9 @@ isn't. Where the choice is far from what was expected, the target's points, foll
 flow, tell whether it went there; they tell how it grew and turned, too: the window turns along.
 
 `search_window` has the window and the response over it, `target_model` what is known of the target
-(correlation filter, colours, scale), `presence` judges whether it's there, `redetection` searches
-when tracking has failed, `localiser` composes them. Beside them, `mean_shift` climbs a response
-and fuses [Yin2013].
+(correlation filter, colours, scale), `presence` judges whether it's there, by its look and by its
+`motion_evidence`, `redetection` searches when tracking has failed, `localiser` composes them.
+Beside them, `mean_shift` climbs a response and fuses [Yin2013].
 """
 
 from vtrack_ros.localisation.guided_search import Found, GuidedSearch
