@@ -132,7 +132,7 @@ class GuidedSearch:
         """Learn from where the target is now, unless that is `elsewhere`, or it isn't seen."""
         target = self._target
         self._flow = None if elsewhere else self._seen_flow()
-        if elsewhere or self._found.hidden:
+        if elsewhere or self._found.hidden or target.network is not None:
             self._evidence.restart()
         if elsewhere or not target.is_followed:
             self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
