@@ -44,8 +44,6 @@ class Seen:
 
     def __init__(self, socket):
         self.socket = socket
-        self.pictures = []
-        self.parameters = None
 
     async def ask(self, **request):
         """Send a request."""

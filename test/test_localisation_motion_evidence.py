@@ -19,12 +19,13 @@ class Walk:
     def __init__(self, turns=0):
         self.turns, self.turned, self.x = turns, 0, 300.0
         self.evidence = MotionEvidence(self.frame(), self.box())
-        self.value = 0.0
 
     def frame(self):
+        """Return what the camera sees."""
         return SCENE[20 + self.turned:260 + self.turned, 20 + self.turned:20 + self.turned + WIDTH]
 
     def box(self):
+        """Return where the target is in it."""
         return Box.from_center(
             self.x - self.turned, self.x - 180.0 - self.turned, SIDE, SIDE)
 
@@ -33,8 +34,8 @@ class Walk:
         for _ in range(frames):
             self.x += speed * dt
             self.turned += self.turns * dt
-            self.value = self.evidence.update(self.frame(), self.box(), dt)
-        return self.value
+            value = self.evidence.update(self.frame(), self.box(), dt)
+        return value
 
 
 @pytest.mark.parametrize('turns', [0, 3])

@@ -27,7 +27,7 @@ _FINE_COLUMNS = 128
 #: Points of the ground, across and down the image, and those about the target that may be parts of
 #: it: as near as that to its middle, in sides.
 _ACROSS, _DOWN, _TARGETS = 6, 5, 0.65
-#: A point shows nothing where its surroundings have less texture than that [Shi and Tomasi 1994].
+#: One of the ground shows nothing where its surroundings have less texture than that.
 _TEXTURE = 1e-3
 #: They agree where so many, and this share of those followed, went as near as that to their median
 #: step, in samples.
@@ -42,6 +42,8 @@ _GRID = np.stack(np.meshgrid(_STEPS, _STEPS), axis=-1).reshape(-1, 1, 2)
 _WINDOW, _HALVINGS = 9, 2
 #: A point is looked for in so many steps, or until one is so short, in samples.
 _UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 8, 0.03)
+#: The least texture about a point [Shi and Tomasi 1994].
+_LEAST_TEXTURE = 1e-4
 #: A point is followed if it comes back as near as that to where it began, in samples.
 _CAME_BACK = 1.0
 #: A point moves with the target if it's as near as that to where the others say, in samples.
@@ -65,15 +67,15 @@ class CameraMotion:
     """
 
     def __init__(self, frame: Frame) -> None:
-        pixels, self._stride = every_pixel(frame, _COLUMNS)
-        self._latest = pixels.astype(np.float32)
+        pixels, self._stride = sparsely(frame, _COLUMNS)
+        self._latest = np.ascontiguousarray(pixels, np.float32)
         rows, columns = self._latest.shape
         self._taper = np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
 
     def update(self, frame: Frame) -> Point | None:
         """Return by how much the picture moved since the last frame, in pixels, or None."""
         before = self._latest
-        self._latest = every_pixel(frame, _COLUMNS)[0].astype(np.float32)
+        self._latest = np.ascontiguousarray(sparsely(frame, _COLUMNS)[0], np.float32)
         if min(before.shape) < _SMALLEST:
             return None
         (x, y), reliability = cv2.phaseCorrelate(before, self._latest, self._taper)
@@ -92,26 +94,32 @@ class GroundMotion:
     """
 
     def __init__(self, frame: Frame) -> None:
-        self._latest, self._stride = every_pixel(frame, _FINE_COLUMNS)
+        pixels, self._stride = sparsely(frame, _FINE_COLUMNS)
+        self._latest = np.ascontiguousarray(pixels)
         rows, columns = self._latest.shape
         x, y = ((np.arange(points) + 0.5) / points * side
                 for points, side in ((_ACROSS, columns), (_DOWN, rows)))
         self._points = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32).reshape(-1, 1, 2)
 
-    def update(self, frame: Frame, target: Box) -> Point | None:
-        """Return the ground's step since the last frame, in pixels; the target was in that box."""
+    def update(self, frame: Frame, target: Box | None) -> Point | None:
+        """
+        Return the ground's step since the last frame, in pixels.
+
+        The target was in that box of the last frame; without one nothing is asked.
+        """
         before = self._latest
-        self._latest, stride = every_pixel(frame, _FINE_COLUMNS)
+        self._latest = np.ascontiguousarray(sparsely(frame, _FINE_COLUMNS)[0])
+        if target is None or min(before.shape) < _SMALLEST:
+            return None
+        stride = self._stride
         x, y = (place / stride for place in target.center)
         width, height = (_TARGETS * side / stride for side in (target.width, target.height))
         away = np.abs(self._points[:, 0] - np.array((x, y), np.float32))
         points = self._points[(away[:, 0] > width) | (away[:, 1] > height)]
-        if min(before.shape) < _SMALLEST or len(points) < _LEAST_POINTS:
+        if len(points) < _LEAST_POINTS:
             return None
-        there, found, _ = cv2.calcOpticalFlowPyrLK(
-            before, self._latest, points, None, winSize=(_WINDOW, _WINDOW), maxLevel=_HALVINGS,
-            criteria=_UNTIL, minEigThreshold=_TEXTURE)
-        steps = (there - points)[found[:, 0] > 0, 0]
+        there, found = _followed(before, self._latest, points, _TEXTURE)
+        steps = (there - points)[found, 0]
         count = len(steps)
         if count < _LEAST_POINTS:
             return None
@@ -125,11 +133,11 @@ class GroundMotion:
         return x, y
 
 
-def every_pixel(frame: Frame, columns: int) -> tuple[Frame, int]:
+def sparsely(frame: Frame, columns: int) -> tuple[Frame, int]:
     """Return every so manieth pixel of a frame, at least so many columns, and the stride."""
     stride = max(1, frame.shape[1] // columns)
     pixels = frame[::stride, ::stride]
-    return np.ascontiguousarray(pixels[:, :, 1] if pixels.ndim == 3 else pixels), stride
+    return pixels[:, :, 1] if pixels.ndim == 3 else pixels, stride
 
 
 @dataclass(frozen=True)
@@ -259,9 +267,10 @@ def _pairs(count: int) -> NDArray[np.intp]:
 
 
 def _followed(before: Frame, after: Frame, points: NDArray[np.float32],
+              least_texture: float = _LEAST_TEXTURE,
               ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return where points, shape (N, 1, 2), of one picture are in another, and which are found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, points, None, winSize=(_WINDOW, _WINDOW), maxLevel=_HALVINGS,
-        criteria=_UNTIL)
+        criteria=_UNTIL, minEigThreshold=least_texture)
     return there, found[:, 0] > 0

@@ -13,7 +13,7 @@ from vtrack_ros.appearance.siamese_network import (
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.presence import ALWAYS_GOOD
+from vtrack_ros.localisation.presence import ALWAYS_GOOD, latest_weight
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser
 from vtrack_ros.tracker import Estimate
@@ -201,7 +201,7 @@ class Hypotheses:
                       and not self._questionable()):
             return elsewhere
         self._update_other(frame)
-        rate = max(_RATE, 1 / self._frames)
+        rate = latest_weight(_RATE, 1, self._frames)
         for each, mean in self._similarities.items():
             self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
         return self._decide() or elsewhere

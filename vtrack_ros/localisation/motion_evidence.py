@@ -7,13 +7,14 @@ import math
 from vtrack_ros.appearance.image_motion import GroundMotion
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.presence import latest_weight
 
 #: The motion is measured over so many frames.
 _EVERY = 2
-#: A speed is told from rest from this on, [sides a frame], and no faster than that; recent and
-#: usual are running means over so many frames, after so many.
+#: A speed is told from rest from this on, [sides a frame], and no faster than that; the weights of
+#: a frame in the running means, recent and usual, and after how many frames those are known.
 _LEAST_SPEED, _LARGEST_SPEED = 0.004, 0.5
-_RECENT_FRAMES, _USUAL_FRAMES, _FIRST_FRAMES = 8, 40, 5
+_RECENT_RATE, _USUAL_RATE, _FIRST_FRAMES = 1 / 8, 1 / 40, 5
 #: What the usual speed adds to the evidence; what a logarithm less, and one more, takes off, each
 #: for so much at most.
 _AS_USUAL, _REST_WEIGHT, _HASTE_WEIGHT, _LARGEST_CHANGE = 0.4, 3.0, 0.75, 0.7
@@ -48,7 +49,7 @@ class MotionEvidence:
         self._waiting += 1
         if self._waiting == _EVERY:
             before, since = self._before, self._since
-            step = self._ground.update(frame, before or target)
+            step = self._ground.update(frame, before)
             if before is not None and step is not None:
                 own = (target.center[0] - before.center[0] - step[0],
                        target.center[1] - before.center[1] - step[1])
@@ -64,9 +65,8 @@ class MotionEvidence:
         """Take in a speed over the ground, [sides a frame]."""
         value = math.log(_LEAST_SPEED + min(speed, _LARGEST_SPEED))
         self._frames += dt
-        first = dt / self._frames
-        self._recent += min(max(first, dt / _RECENT_FRAMES), 1.0) * (value - self._recent)
-        self._usual += min(max(first, dt / _USUAL_FRAMES), 1.0) * (value - self._usual)
+        self._recent += latest_weight(_RECENT_RATE, dt, self._frames) * (value - self._recent)
+        self._usual += latest_weight(_USUAL_RATE, dt, self._frames) * (value - self._usual)
 
     @property
     def _value(self) -> float:

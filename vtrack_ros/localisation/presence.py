@@ -195,8 +195,7 @@ class PresenceDetector:
         self._fallen = value < self._usual - (_RECOVERED if still else _FALL)
         if not self._fallen:
             self._frames += dt
-            rate = min(max(_USUAL_RATE * dt, dt / self._frames), 1.0)
-            self._usual += rate * (value - self._usual)
+            self._usual += latest_weight(_USUAL_RATE, dt, self._frames) * (value - self._usual)
         return self._fallen
 
 
@@ -204,6 +203,15 @@ def evidence(similarity: float, sharpness: float) -> float:
     """Return the logarithm of the odds that one frame gives for the target's presence."""
     return (_SHARPNESS_WEIGHT * math.log(max(sharpness, _LEAST_SHARPNESS))
             + _SIMILARITY_WEIGHT * math.log(max(similarity, _LEAST_SIMILARITY)) + _INTERCEPT)
+
+
+def latest_weight(rate: float, dt: float, time: float) -> float:
+    """
+    Return the weight of what came in the last `dt` in a running mean over a `time`.
+
+    It's that of a plain mean at first, and `rate` in a frame later on.
+    """
+    return min(max(rate * dt, dt / time), 1.0)
 
 
 def logistic(value: float) -> float:
