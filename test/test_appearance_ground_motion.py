@@ -30,6 +30,13 @@ def pasted(background, thing, x, y):
     return picture
 
 
+def measured(first, second, target, far=False):
+    """Return the ground's step from one picture to another."""
+    ground = GroundMotion(first)
+    ground.see(second)
+    return ground.step(target, far)
+
+
 @pytest.mark.parametrize('x, y', [(0, 0), (3, 1), (12, -7), (-14, 12)])
 @pytest.mark.parametrize('width, height', [(320, 240), (640, 480)])
 @pytest.mark.parametrize('grey', [False, True])
@@ -38,7 +45,7 @@ def test_a_camera_that_turns_moves_the_ground(x, y, width, height, grey):
     first, second = view(0, 0, width, height), view(x, y, width, height)
     if grey:
         first, second = first[:, :, 0], second[:, :, 0]
-    step = GroundMotion(first).update(second, NOWHERE)
+    step = measured(first, second, NOWHERE)
     assert step == (pytest.approx(-x, abs=0.4), pytest.approx(-y, abs=0.4))
 
 
@@ -46,14 +53,15 @@ def test_it_is_measured_from_one_frame_to_the_next():
     """The step isn't the way since the first one."""
     ground = GroundMotion(view(0, 0))
     for turn in range(1, 5):
-        step = ground.update(view(2 * turn, turn), NOWHERE)
+        ground.see(view(2 * turn, turn))
+        step = ground.step(NOWHERE)
         assert step == (pytest.approx(-2, abs=0.2), pytest.approx(-1, abs=0.2))
 
 
 def test_what_moves_in_the_picture_is_not_the_ground():
     """A camera that rests does so to a tenth of a pixel, while a third of the picture moves."""
     background, thing = view(0, 0), patch(160, 160)
-    step = GroundMotion(pasted(background, thing, 60, 40)).update(
+    step = measured(pasted(background, thing, 60, 40), 
         pasted(background, thing, 69, 36), NOWHERE)
     assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
 
@@ -61,15 +69,15 @@ def test_what_moves_in_the_picture_is_not_the_ground():
 def test_the_target_is_not_the_ground_either():
     """Where it fills half of the picture its points don't count, though most are on it."""
     background, thing = view(0, 0), patch(230, 170)
-    ground = GroundMotion(pasted(background, thing, 40, 30))
-    step = ground.update(pasted(background, thing, 46, 33), Box(40, 30, 230, 170))
+    step = measured(pasted(background, thing, 40, 30), pasted(background, thing, 46, 33),
+                    Box(40, 30, 230, 170))
     assert step is None or step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
 
 
 def test_a_smaller_target_leaves_the_ground_in_sight():
     """Points beside it tell, and those on it don't count."""
     background, thing = view(0, 0), patch(150, 110)
-    step = GroundMotion(pasted(background, thing, 80, 60)).update(
+    step = measured(pasted(background, thing, 80, 60), 
         pasted(background, thing, 86, 63), Box(80, 60, 150, 110))
     assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
 
@@ -77,7 +85,7 @@ def test_a_smaller_target_leaves_the_ground_in_sight():
 def test_a_target_before_a_blank_wall_tells_nothing_of_the_ground():
     """Without texture beside it nobody knows what moves."""
     blank, thing = np.full((240, 320, 3), 120, np.uint8), patch(60, 60)
-    step = GroundMotion(pasted(blank, thing, 130, 90)).update(
+    step = measured(pasted(blank, thing, 130, 90), 
         pasted(blank, thing, 138, 90), Box(130, 90, 60, 60))
     assert step is None
 
@@ -88,7 +96,7 @@ def test_a_zoom_is_a_step_of_the_middle():
     matrix = cv2.getRotationMatrix2D((159.5, 119.5), 0, 1.01)
     matrix[:, 2] += 6, -4
     second = cv2.warpAffine(first, matrix, (320, 240), borderMode=cv2.BORDER_REFLECT)
-    step = GroundMotion(first).update(second, NOWHERE)
+    step = measured(first, second, NOWHERE)
     assert step == (pytest.approx(6, abs=1), pytest.approx(-4, abs=1))
 
 
@@ -96,17 +104,57 @@ def test_pictures_without_anything_in_common_say_nothing():
     """No motion rather than any."""
     rng = np.random.default_rng(0)
     first, second = (rng.integers(256, size=(240, 320), dtype=np.uint8) for _ in range(2))
-    assert GroundMotion(first).update(second, NOWHERE) is None
+    assert measured(first, second, NOWHERE) is None
 
 
 @pytest.mark.parametrize('shape', [(1, 1, 3), (1, 40, 3), (5, 300), (7, 2000, 3)])
 def test_a_sliver_of_a_frame_says_nothing(shape):
     """There isn't enough of it to compare."""
     frame = np.random.default_rng(0).integers(256, size=shape, dtype=np.uint8)
-    assert GroundMotion(frame).update(frame, NOWHERE) is None
+    assert measured(frame, frame, NOWHERE) is None
 
 
 def test_nothing_is_left_beside_a_target_that_fills_the_frame():
     """Then nothing is known either."""
     frame = view(0, 0)
-    assert GroundMotion(frame).update(frame, Box(-10, -10, 500, 400)) is None
+    assert measured(frame, frame, Box(-10, -10, 500, 400)) is None
+
+
+@pytest.mark.parametrize('x, y', [(105, 0), (0, -78), (-64, 48)])
+@pytest.mark.parametrize('grey', [False, True])
+def test_a_camera_that_is_jerked_moves_the_ground_as_far(x, y, grey):
+    """By up to a third of the picture, if that's asked for."""
+    first, second = view(0, 0), view(x, y)
+    if grey:
+        first, second = first[:, :, 0], second[:, :, 0]
+    step = measured(first, second, NOWHERE, far=True)
+    assert step == (pytest.approx(-x, abs=0.4), pytest.approx(-y, abs=0.4))
+
+
+def test_a_target_that_jumps_does_not_move_the_ground_far():
+    """A camera that rests does so when it's asked for a jump, too."""
+    background, thing = view(0, 0), patch(110, 110)
+    step = measured(pasted(background, thing, 20, 60), pasted(background, thing, 180, 60),
+                    Box(20, 60, 110, 110), far=True)
+    assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
+
+
+def test_the_whole_picture_tells_of_a_jump_where_few_points_are_left():
+    """Where the target covers most of what is still in sight, the picture beside it will do."""
+    step = measured(view(0, 0), view(40, 0), Box(10, -10, 300, 260), far=True)
+    assert step == (pytest.approx(-40, abs=1.5), pytest.approx(0, abs=1.5))
+
+
+def test_no_jump_is_seen_between_pictures_without_anything_in_common():
+    """Noise has no shift, however far it's looked for."""
+    rng = np.random.default_rng(0)
+    first, second = (rng.integers(256, size=(240, 320), dtype=np.uint8) for _ in range(2))
+    assert measured(first, second, NOWHERE, far=True) is None
+
+
+@pytest.mark.parametrize('shape', [(1, 1, 3), (5, 300), (8, 8), (240, 320)])
+def test_a_sliver_and_a_blank_picture_show_no_jump(shape):
+    """Nothing is known, or that nothing moved."""
+    frame = np.full(shape, 90, np.uint8)
+    step = measured(frame, frame, NOWHERE, far=True)
+    assert step is None or step == pytest.approx((0, 0), abs=0.5)

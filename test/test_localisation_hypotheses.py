@@ -8,7 +8,7 @@ from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import GuidedSearch, Hypotheses
-from vtrack_ros.localisation.guided_search import maxima
+from vtrack_ros.localisation.candidates import maxima
 from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.trackers import create_tracker
 

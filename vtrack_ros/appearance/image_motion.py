@@ -19,8 +19,8 @@ from vtrack_ros.geometry import Box
 _COLUMNS = 64
 #: A grid with fewer rows or columns shows nothing.
 _SMALLEST = 8
-#: Share of the correlation's energy in its peak below which nothing is known.
-_RELIABLE = 0.45
+#: Share of the energy in the correlation's peak below which nothing is known; on the finer grid.
+_RELIABLE, _FAR_RELIABLE = 0.45, 0.15
 
 #: Columns of the finer grid on which the ground's points are followed, at most twice as many.
 _FINE_COLUMNS = 128
@@ -89,36 +89,59 @@ class GroundMotion:
     Measures to a part of a pixel how the ground about a target moved, or says nothing.
 
     Phase correlation is off by several pixels where much moves in the picture. Here points beside
-    the target are followed [Lucas and Kanade 1981], and where enough of them agree they are the
-    ground's. It costs the same in any frame.
+    the target are followed [Lucas and Kanade 1981], the ground's where enough of them agree.
     """
 
     def __init__(self, frame: Frame) -> None:
         pixels, self._stride = sparsely(frame, _FINE_COLUMNS)
-        self._latest = np.ascontiguousarray(pixels)
+        self._before = self._latest = np.ascontiguousarray(pixels)
         rows, columns = self._latest.shape
         x, y = ((np.arange(points) + 0.5) / points * side
                 for points, side in ((_ACROSS, columns), (_DOWN, rows)))
+        self._taper = np.sqrt(np.outer(*(
+            np.sin((np.arange(side) + 0.5) / side * np.pi) for side in (rows, columns))))
         self._points = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32).reshape(-1, 1, 2)
 
-    def update(self, frame: Frame, target: Box | None) -> Point | None:
-        """
-        Return the ground's step since the last frame, in pixels.
-
-        The target was in that box of the last frame; without one nothing is asked.
-        """
-        before = self._latest
+    def see(self, frame: Frame) -> None:
+        """Take the next frame."""
+        self._before = self._latest
         self._latest = np.ascontiguousarray(sparsely(frame, _FINE_COLUMNS)[0])
-        if target is None or min(before.shape) < _SMALLEST:
+
+    def step(self, target: Box, far: bool = False) -> Point | None:
+        """
+        Return the ground's step between the last two frames, in pixels.
+
+        The target was in that box of the former. Points are followed for an eighth of the picture;
+        `far` beyond it, from where phase correlation of the whole picture says, which is believed
+        alone if too few of them are still seen.
+        """
+        if min(self._before.shape) < _SMALLEST:
             return None
         stride = self._stride
         x, y = (place / stride for place in target.center)
         width, height = (_TARGETS * side / stride for side in (target.width, target.height))
         away = np.abs(self._points[:, 0] - np.array((x, y), np.float32))
         points = self._points[(away[:, 0] > width) | (away[:, 1] > height)]
+        step = self._agreed(points, (0.0, 0.0))
+        if step is not None or not far:
+            return step
+        (x, y), reliability = cv2.phaseCorrelate(
+            self._alone(self._before), self._alone(self._latest))
+        whole = (x * stride, y * stride) if reliability >= _FAR_RELIABLE else None
+        return self._agreed(points, (x, y)) or whole
+
+    def _alone(self, picture: Frame) -> NDArray[np.float32]:
+        """Return a picture with as much of nothing beside it, so that a shift leads out of it."""
+        rows, columns = picture.shape
+        alone = np.zeros((2 * rows, 2 * columns), np.float32)
+        alone[:rows, :columns] = (picture - picture.mean()) * self._taper
+        return alone
+
+    def _agreed(self, points: NDArray[np.float32], about: Point) -> Point | None:
+        """Return the step that points agree on, [px]; it's looked for about one in samples."""
         if len(points) < _LEAST_POINTS:
             return None
-        there, found = _followed(before, self._latest, points, _TEXTURE)
+        there, found = _followed(self._before, self._latest, points, _TEXTURE, about)
         steps = (there - points)[found, 0]
         count = len(steps)
         if count < _LEAST_POINTS:
@@ -129,7 +152,7 @@ class GroundMotion:
         alike = steps[(apart[:, 0] < _ALIKE) & (apart[:, 1] < _ALIKE)]
         if len(alike) < max(_LEAST_POINTS, _SHARE * count):
             return None
-        x, y = (alike.sum(axis=0) * (stride / len(alike))).tolist()
+        x, y = (alike.sum(axis=0) * (self._stride / len(alike))).tolist()
         return x, y
 
 
@@ -267,10 +290,11 @@ def _pairs(count: int) -> NDArray[np.intp]:
 
 
 def _followed(before: Frame, after: Frame, points: NDArray[np.float32],
-              least_texture: float = _LEAST_TEXTURE,
+              least_texture: float = _LEAST_TEXTURE, about: Point = (0.0, 0.0),
               ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return where points, shape (N, 1, 2), of one picture are in another, and which are found."""
+    """Return where points, shape (N, 1, 2), of a picture are in another, and which are found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(
-        before, after, points, None, winSize=(_WINDOW, _WINDOW), maxLevel=_HALVINGS,
-        criteria=_UNTIL, minEigThreshold=least_texture)
+        before, after, points, points + np.array(about, np.float32), winSize=(_WINDOW, _WINDOW),
+        maxLevel=_HALVINGS, criteria=_UNTIL, minEigThreshold=least_texture,
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW)
     return there, found[:, 0] > 0

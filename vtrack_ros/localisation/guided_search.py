@@ -3,15 +3,15 @@
 from dataclasses import dataclass, replace
 from functools import partial
 import math
-from typing import TypeAlias
 
-import cv2
 import numpy as np
 
-from vtrack_ros.appearance.image_motion import CameraMotion, TargetFlow, TargetMotion
+from vtrack_ros.appearance.image_motion import (
+    CameraMotion, GroundMotion, TargetFlow, TargetMotion)
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.candidates import distinct, maxima, Maximum, share_of, strong
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
@@ -27,8 +27,8 @@ _AROUND = 0.5
 _CANDIDATE = 0.6
 #: Maxima nearer to a higher one than that, in sides, are of the same thing.
 _DISTINCT = 0.5
-#: As many maxima are looked at, and candidates compared, at most: a flat response has thousands.
-_MAXIMA, _CANDIDATES = 200, 50
+#: As many maxima are looked at, at most: a flat response has thousands.
+_MAXIMA = 200
 #: A maximum of this share of the highest one may be a distractor's; nearer to a higher one than
 #: that, in sides, it's of the same thing.
 _DISTRACTING, _APART_FROM = 0.45, 0.2
@@ -46,9 +46,6 @@ _FAR = 0.4
 _TEMPERATURE = 0.07
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
-
-#: A maximum of a response: its place, in pixels, the response, and its value there.
-Maximum: TypeAlias = tuple[Point, ResponseMap, float]
 
 
 @dataclass(frozen=True)
@@ -75,11 +72,12 @@ class GuidedSearch:
     Several forecasts say where: that it stays, goes on with its velocity, moves with the camera,
     goes on besides that, and what a tracker's own filter says. The window is put at the one with
     the best record. Where the response is too low there, or time has passed, windows at the others
-    and all around are searched too. Of the maxima that are found in all of them that one is
-    believed whose response and whose place are the most probable together: the target's double
-    answers as well, but isn't where the target has to be. Doubles are followed too, and maxima
-    where one of those is expected aren't the target; while one passes before it, it goes on as
-    expected. The flow of the target's own points has a say as well: before it's searched it has
+    and all around are searched too; where it's low the camera may have been jerked, so how it moved
+    is measured again, farther and beside the target. Of the maxima that are found in all of them
+    that one is believed whose response and whose place are the most probable together: the target's
+    double answers as well, but isn't where the target has to be. Doubles are followed too, and
+    maxima where one of those is expected aren't the target; while one passes before it, it goes on
+    as expected. The flow of the target's own points has a say as well: before it's searched it has
     grown and turned as they did, and where it would be found far from where it's expected, but
     they went elsewhere together, it's there.
     """
@@ -88,7 +86,7 @@ class GuidedSearch:
 
     def __init__(self, frame: Frame, target: Hypotheses) -> None:
         self._target = target
-        self._camera = CameraMotion(frame)
+        self._camera, self._ground = CameraMotion(frame), GroundMotion(frame)
         #: Of the target's points in the last frame, if it was seen there; what they did since.
         self._flow: TargetFlow | None = self._seen_flow()
         self._motion: TargetMotion | None = None
@@ -110,11 +108,16 @@ class GuidedSearch:
         self._start, self._motion = target.center, None
         self._frames += 1
         self._shift = self._camera.update(frame)
+        self._ground.see(frame)
         self._transform(frame, dt)
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
-        if maps[0].peak < _LOW * target.usual_response or dt > _LONG:
+        low = maps[0].peak < _LOW * target.usual_response
+        if low and target.network is None:
+            box = Box.from_center(*self._start, *target.size)
+            self._forecasts |= self._along('ground', self._ground.step(box, far=True), dt)
+        if low or dt > _LONG:
             others = self._others(frame, expected)[:target.more_windows]
             maps += [target.localise(frame, place) for place in others]
         every = sorted(((place, response, value) for response in maps
@@ -195,13 +198,18 @@ class GuidedSearch:
     def _forecast(self, dt: float, own: Point | None) -> dict[str, Point]:
         """Return where the target is expected, by name of the forecast, in pixels."""
         forecasts = {STAYING: self._start, 'moving': _moved(self._start, dt * self._velocity)}
-        if self._shift is not None:
-            with_camera = _moved(self._start, self._shift)
-            forecasts['with camera'] = with_camera
-            forecasts['beside camera'] = _moved(with_camera, dt * self._own_velocity)
+        forecasts |= self._along('camera', self._shift, dt)
         if own is not None:
             forecasts['own'] = own
         return forecasts
+
+    def _along(self, name: str, step: Point | None, dt: float) -> dict[str, Point]:
+        """Return where it's expected with what moved by a step, [px], and besides that."""
+        if step is None:
+            return {}
+        there = _moved(self._start, step)
+        return {f'with {name}': there,
+                f'beside {name}': _moved(there, dt * self._own_velocity)}
 
     def _others(self, frame: Frame, expected: Point) -> list[Point]:
         """Return places for more windows: the other forecasts', and eight around."""
@@ -224,7 +232,7 @@ class GuidedSearch:
         if not theirs:
             self._hidden = 0.0
             return self._chosen(
-                [each for each in every if each[2] >= _share(each[1].peak, _CANDIDATE)], dt)
+                [each for each in every if each[2] >= share_of(each[1].peak, _CANDIDATE)], dt)
         ours: list[Maximum] = []
         others: list[Maximum] = []
         for each in strong(every, _DISTRACTING):
@@ -262,38 +270,6 @@ class GuidedSearch:
         self._distractors.update(others, place, self._side, dt)
         if not target.unseen_frames:
             self._distractors.compare(place, self._side, partial(target.likeness, frame))
-
-
-def strong(every: list[Maximum], share: float) -> list[Maximum]:
-    """Return those maxima, the highest first, of at least that share of the highest."""
-    least = _share(every[0][2], share)
-    return [each for each in every if each[2] >= least]
-
-
-def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
-    """Return those maxima, the highest first, that are further than that from all higher ones."""
-    found: list[Maximum] = []
-    for each in every:
-        if all(math.dist(each[0], higher[0]) > apart for higher in found):
-            found.append(each)
-            if len(found) == _CANDIDATES:
-                break
-    return found
-
-
-def maxima(response: ResponseMap, share: float) -> list[tuple[Point, float]]:
-    """Return the local maxima, in pixels, and their values, down to a share of the highest."""
-    values = response.values
-    highest = cv2.dilate(values, np.ones((3, 3), np.uint8))
-    least = _share(response.peak, share)
-    rows, columns = np.nonzero((values >= highest) & (values >= least))
-    return [(response.maximum((column, row)), values.item(row, column))
-            for row, column in zip(rows.tolist(), columns.tolist())]
-
-
-def _share(highest: float, share: float) -> float:
-    """Return that share of the highest value; the value itself where it's below 0."""
-    return min(share * highest, highest)
 
 
 def _moved(place: Point, step: np.ndarray | Point) -> Point:

@@ -49,7 +49,8 @@ class MotionEvidence:
         self._waiting += 1
         if self._waiting == _EVERY:
             before, since = self._before, self._since
-            step = self._ground.update(frame, before)
+            self._ground.see(frame)
+            step = None if before is None else self._ground.step(before)
             if before is not None and step is not None:
                 own = (target.center[0] - before.center[0] - step[0],
                        target.center[1] - before.center[1] - step[1])

@@ -1,0 +1,48 @@
+"""Candidates for the target's place: the maxima of response maps."""
+
+import math
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+
+from vtrack_ros.frame import Point
+from vtrack_ros.localisation.search_window import ResponseMap
+
+#: As many are told apart at most: a flat response has thousands.
+_MOST = 50
+
+#: A maximum of a response: its place, in pixels, the response, and its value there.
+Maximum: TypeAlias = tuple[Point, ResponseMap, float]
+
+
+def strong(every: list[Maximum], share: float) -> list[Maximum]:
+    """Return those maxima, the highest first, of at least that share of the highest."""
+    least = share_of(every[0][2], share)
+    return [each for each in every if each[2] >= least]
+
+
+def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
+    """Return those maxima, the highest first, that are further than that from all higher ones."""
+    found: list[Maximum] = []
+    for each in every:
+        if all(math.dist(each[0], higher[0]) > apart for higher in found):
+            found.append(each)
+            if len(found) == _MOST:
+                break
+    return found
+
+
+def maxima(response: ResponseMap, share: float) -> list[tuple[Point, float]]:
+    """Return the local maxima, in pixels, and their values, down to a share of the highest."""
+    values = response.values
+    highest = cv2.dilate(values, np.ones((3, 3), np.uint8))
+    least = share_of(response.peak, share)
+    rows, columns = np.nonzero((values >= highest) & (values >= least))
+    return [(response.maximum((column, row)), values.item(row, column))
+            for row, column in zip(rows.tolist(), columns.tolist())]
+
+
+def share_of(highest: float, share: float) -> float:
+    """Return that share of the highest value; the value itself where it's below 0."""
+    return min(share * highest, highest)
