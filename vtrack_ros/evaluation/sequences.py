@@ -15,7 +15,7 @@ from vtrack_ros.evaluation.metrics import truth_rows
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.scenes import render
-from vtrack_ros.session.session import FrameIntervalEstimator
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
 
 @dataclass(frozen=True)

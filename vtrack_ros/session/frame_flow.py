@@ -3,7 +3,7 @@
 from collections import deque
 from enum import Enum
 
-from vtrack_ros.session.session import FrameIntervalEstimator
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
 #: How many latencies and processing times are remembered.
 MEMORY = 300

@@ -3,7 +3,7 @@
 from collections import deque
 
 from vtrack_ros.frame import Frame
-from vtrack_ros.session.session import FrameIntervalEstimator
+from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
 #: How far a stamp may be from the frame that it means, in intervals of the frames.
 TOLERANCE = 1.5

@@ -1,0 +1,67 @@
+"""How long a frame of the stream usually takes, and how many of them passed or never came."""
+
+from collections import deque
+from statistics import median
+
+import numpy as np
+
+#: How many of the latest intervals the usual one is the median of.
+_USUAL = 15
+#: How many of them tell the camera's own interval, where frames are lost.
+_MEMORY = 100
+#: Intervals scatter about whole frames by no more than this share of one, where stamps are good.
+_REGULAR = 0.15
+#: What is longer by more than so many median deviations than a frame isn't explained by jitter.
+_BEYOND_JITTER = 6.0
+
+
+class FrameIntervalEstimator:
+    """Tells how many frame intervals passed between two stamps, and how many frames never came."""
+
+    def __init__(self) -> None:
+        self._intervals: deque[int] = deque(maxlen=_MEMORY)
+        self._period = self._jitter = 0.0
+
+    @property
+    def interval(self) -> float | None:
+        """Return the usual interval [ns], which neither jitter nor a lost frame moves."""
+        return median(list(self._intervals)[-_USUAL:]) if self._intervals else None
+
+    def add(self, interval: int) -> None:
+        """Take the next interval between two stamps, in nanoseconds."""
+        self._intervals.append(interval)
+
+    def steps(self, interval: int) -> float:
+        """Take the next interval; return the frame intervals in it: a whole number >= 1."""
+        self.add(interval)
+        return float(max(1, round(interval / max(1, self.interval or 1))))
+
+    def missing(self, interval: int) -> int:
+        """
+        Take the next interval; return how many frames never came in it.
+
+        The camera's own interval is a short one among the latest: even where most frames are lost,
+        some neighbours come through. Where the stamps shake so much that nobody can tell one frame
+        from two, only gaps beyond the jitter count.
+        """
+        self.add(interval)
+        if not 0.6 * self._period < interval < 1.4 * self._period:
+            self._fit()
+        if interval < self._period + _BEYOND_JITTER * self._jitter:
+            return 0
+        return max(0, round(interval / self._period) - 1)
+
+    def _fit(self) -> None:
+        """Fit the camera's interval to the latest ones, each a whole number of it."""
+        intervals = np.sort(np.asarray(self._intervals, np.float64))
+        period = max(1.0, float(intervals[len(intervals) // 10]))
+        for _ in range(10):
+            frames = np.maximum(1, np.round(intervals / period))
+            previous, period = period, max(1.0, float(intervals.sum() / frames.sum()))
+            if period == previous:
+                break
+        jitter = float(np.median(np.abs(intervals - frames * period)))
+        if jitter > _REGULAR * period:
+            period = max(1.0, float(np.median(intervals)))
+            jitter = float(np.median(np.abs(intervals - period)))
+        self._period, self._jitter = period, jitter
