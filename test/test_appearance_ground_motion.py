@@ -61,8 +61,8 @@ def test_it_is_measured_from_one_frame_to_the_next():
 def test_what_moves_in_the_picture_is_not_the_ground():
     """A camera that rests does so to a tenth of a pixel, while a third of the picture moves."""
     background, thing = view(0, 0), patch(160, 160)
-    step = measured(pasted(background, thing, 60, 40), 
-        pasted(background, thing, 69, 36), NOWHERE)
+    step = measured(
+        pasted(background, thing, 60, 40), pasted(background, thing, 69, 36), NOWHERE)
     assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
 
 
@@ -77,16 +77,17 @@ def test_the_target_is_not_the_ground_either():
 def test_a_smaller_target_leaves_the_ground_in_sight():
     """Points beside it tell, and those on it don't count."""
     background, thing = view(0, 0), patch(150, 110)
-    step = measured(pasted(background, thing, 80, 60), 
-        pasted(background, thing, 86, 63), Box(80, 60, 150, 110))
+    step = measured(
+        pasted(background, thing, 80, 60), pasted(background, thing, 86, 63),
+        Box(80, 60, 150, 110))
     assert step == (pytest.approx(0, abs=0.1), pytest.approx(0, abs=0.1))
 
 
 def test_a_target_before_a_blank_wall_tells_nothing_of_the_ground():
     """Without texture beside it nobody knows what moves."""
     blank, thing = np.full((240, 320, 3), 120, np.uint8), patch(60, 60)
-    step = measured(pasted(blank, thing, 130, 90), 
-        pasted(blank, thing, 138, 90), Box(130, 90, 60, 60))
+    step = measured(
+        pasted(blank, thing, 130, 90), pasted(blank, thing, 138, 90), Box(130, 90, 60, 60))
     assert step is None
 
 

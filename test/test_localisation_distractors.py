@@ -8,8 +8,8 @@ import pytest
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser
-from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.candidates import strong
+from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.trackers import create_tracker, TrackState
 
 VIDEO = DrawnVideo(seed=1)
@@ -77,7 +77,7 @@ def meeting(seed, velocity=0.0, below=6, frames=44):
 
 
 @pytest.mark.parametrize('velocity', [0.0, 2.0])
-@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf'])
+@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf', 'appf'])
 def test_a_double_that_passes_in_front_is_not_followed(name, velocity):
     """
     Where each of the two was going tells which one is the target, when nothing else does.
@@ -117,7 +117,7 @@ def beside_its_first_look(seed, frames=30, changing=6):
     return images, box
 
 
-@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf'])
+@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf', 'appf'])
 def test_what_appears_beside_the_target_and_looks_more_like_it_is_not_followed(name):
     """Its own points stay, so it hasn't gone there; a response knows of looks alone."""
     for seed in range(4):

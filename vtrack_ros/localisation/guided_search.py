@@ -72,14 +72,14 @@ class GuidedSearch:
     Several forecasts say where: that it stays, goes on with its velocity, moves with the camera,
     goes on besides that, and what a tracker's own filter says. The window is put at the one with
     the best record. Where the response is too low there, or time has passed, windows at the others
-    and all around are searched too; where it's low the camera may have been jerked, so how it moved
+    and all around are searched too; where it's low the camera may have been jerked, so its motion
     is measured again, farther and beside the target. Of the maxima that are found in all of them
-    that one is believed whose response and whose place are the most probable together: the target's
-    double answers as well, but isn't where the target has to be. Doubles are followed too, and
-    maxima where one of those is expected aren't the target; while one passes before it, it goes on
-    as expected. The flow of the target's own points has a say as well: before it's searched it has
-    grown and turned as they did, and where it would be found far from where it's expected, but
-    they went elsewhere together, it's there.
+    that one is believed whose response and whose place are the most probable together: the
+    target's double answers as well, but isn't where the target has to be. Doubles are followed
+    too, and maxima where one of those is expected aren't the target; while one passes before it,
+    it goes on as expected. The flow of the target's own points has a say as well: before it's
+    searched it has grown and turned as they did, and where it would be found far from where it's
+    expected, but they went elsewhere together, it's there.
     """
 
     _found: Found

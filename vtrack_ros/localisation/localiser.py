@@ -31,8 +31,7 @@ _CENTER_ERROR, _SIZE_ERROR = 0.12, 0.10
 #: The least and the largest factor of the first size.
 SMALLEST, LARGEST = 0.2, 5.0
 #: The least that's usual after the first frame: this share of the response to it, and that
-#: similarity. Of 1,069 second frames in which the target was found one in ten has less response,
-#: one in fifty less similarity; of two in which it had darted off, both have far less.
+#: similarity; where a target has darted off in the second frame both are far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
 #: In every so manieth frame a target that has turned is looked at by other angles, too.
 _TURNED_EVERY = 4
@@ -64,8 +63,7 @@ class Localiser:
         own = ResponseMap(window, model.response(window)).peak
         self._least_usual = _FIRST_RESPONSE * own, _FIRST_SIMILARITY
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
-        self._first_size = size
-        self._rng = rng
+        self._first_size, self._rng = size, rng
         self._frames, self._growing = 0, False
         self.resized = False
         """Whether the size was measured in the last update."""
@@ -142,11 +140,7 @@ class Localiser:
         return self._live.localise(frame, center, angle)
 
     def likeness(self, frame: Frame, place: Point) -> float:
-        """
-        Return how similar what is at a place, in pixels, is to the initial template.
-
-        As a share of the target's usual similarity.
-        """
+        """Return a place's similarity to the initial template, as a share of the usual one."""
         live = self._live
         similarity = self._template.similarity(live.window(frame, inside(place, frame)))
         return similarity / max(live.usual_similarity, _LEAST_USUAL)
@@ -159,9 +153,8 @@ class Localiser:
         After a failure it's searched elsewhere too, unless somebody else does that. `motion` is
         what its motion adds to the evidence for its presence.
 
-        Returns whether the target was found again elsewhere. Where it wasn't, the centre is the
-        given one, or next to it: near the border of the response's window a place is localised
-        twice. It's turned as the window was.
+        Returns whether it was found again elsewhere. Else its centre is the given one, or next to
+        it: near the border of a window it's localised twice. It's turned as the window was.
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame), dt)
