@@ -76,6 +76,17 @@ def test_a_share_of_the_particles_follows_a_measured_movement():
     assert stayed.sum() == 6
 
 
+def test_particles_turn_about_their_own_centres():
+    first = _state(30.0, 0.2, (40.0, 50.0))
+    particles = GroupParticles(first, 20, _LIMIT, np.random.default_rng(3))
+    particles.propose(1.0, _SIGMAS, 0.5)
+    before = particles.states.copy()
+    particles.turn(0.7)
+    assert_allclose(particles.states[:, :2, 2], before[:, :2, 2])
+    assert_allclose(affine.angle(particles.states), affine.angle(before) + 0.7)
+    assert_allclose(affine.stretch(particles.states), affine.stretch(before))
+
+
 @pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])
 def test_size_shape_and_place_stay_bounded(kind):
     particles = kind(_state(30.0, 0, (50.0, 50.0)), 50, np.array([100, 100]),

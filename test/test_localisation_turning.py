@@ -71,7 +71,7 @@ def test_who_has_turned_stays_so():
     assert localiser.angle == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize('name', ['gmpf', 'pqkpf', 'pf', 'abmspf'])
+@pytest.mark.parametrize('name', ['gmpf', 'pqkpf', 'pf', 'abmspf', 'appf'])
 def test_a_target_is_followed_while_it_turns(name):
     """A half turn on its way; clockwise is positive, and the box bounds the ellipse in it."""
     drawn = DrawnCard()

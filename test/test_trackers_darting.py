@@ -12,7 +12,7 @@ from vtrack_ros.trackers import create_tracker, TrackState
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'dcf')
 #: Those whose search follows the flow of the target's points.
-GUIDED = ('gmpf', 'pqkpf', 'abmspf', 'pf')
+GUIDED = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
 

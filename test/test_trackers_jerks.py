@@ -9,7 +9,7 @@ import pytest
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, TrackState
 
-NAMES = ('gmpf', 'pqkpf', 'abmspf', 'pf')
+NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
 WIDTH, HEIGHT, SIDE = 320, 240, 30
 #: Where the camera looks between jerks, from the middle of the scene, in sides of the target.
 VIEWS = ((0, 0), (3, 0), (0, 0), (-1.8, -2.4), (1, 0.4), (0, 3), (-2, 1), (2, -1), (0, 0))

@@ -127,6 +127,10 @@ class GroupParticles(AffineParticles):
         """Multiply the particles' scale by a factor."""
         self.states[:, :2, :2] *= factor
 
+    def turn(self, angle: float) -> None:
+        """Turn the particles by an angle, [rad], each about its own centre."""
+        self.states[:, :2, :2] = affine.rotation(np.asarray(angle)) @ self.states[:, :2, :2]
+
     def _keep(self, chosen: NDArray[np.intp]) -> None:
         self.states, self.velocities = self.states[chosen], self.velocities[chosen]
 

@@ -6,7 +6,7 @@ from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.affine import rotation
 from vtrack_ros.geometry.ellipse import SIGMA
-from vtrack_ros.localisation import GuidedSearch, ResponseMap
+from vtrack_ros.localisation import ResponseMap
 from vtrack_ros.localisation.filter_parameters import LOCALISER, MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import climb, climbing_weights, fuse
 from vtrack_ros.parameters import Parameter, ParameterTable
@@ -50,7 +50,6 @@ class MeanShiftParticleFilter(LocalisedTracker):
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._begin(frame, box)
-        self._search = GuidedSearch(frame, self._localiser)
         self._velocity = np.zeros(2)
         return self._localiser.estimate(
             np.diag([1.0, 1.0, 0.0, 0.0]), self._boxes(self._drawn(box.center)))

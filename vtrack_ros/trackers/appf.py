@@ -11,7 +11,7 @@ from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import GroupParticles
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import affine, Box
-from vtrack_ros.localisation import ResponseMap
+from vtrack_ros.localisation import Found
 from vtrack_ros.localisation.filter_parameters import (
     AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS, LOCALISER)
 from vtrack_ros.parameters import Parameter, ParameterTable
@@ -48,11 +48,12 @@ class AffineKeypointParticleFilter(LocalisedTracker):
     error of each step adds to the last. Here the keypoints of the target are remembered, see
     `KeypointMemory`, and the pose is measured against the places that they had on it.
 
-    The response of a discriminative model is one more term of the likelihood, and where it's
-    highest is one more measured pose, which a share of the particles moves to. Place, size and box
-    are the model's, whose own maximum is more exact than a mean over six dimensions; rotation and
-    shape are the particles', and the search window is turned by a rotation that brings a higher
-    response. When it finds the target elsewhere the particles start again there.
+    The response of a discriminative model is one more term of the likelihood, and the place that
+    the guided search finds is one more measured pose, which a share of the particles moves to.
+    Place, size and box are the model's, whose own maximum is more exact than a mean over six
+    dimensions. The particles turn as the target's own points do; rotation and shape are theirs,
+    and the search window is turned by a rotation of theirs that brings a higher response. When the
+    target is found elsewhere they start again there.
     """
 
     NAME = 'appf'
@@ -89,14 +90,20 @@ class AffineKeypointParticleFilter(LocalisedTracker):
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
         self._adjust()
-        values, particles = self._parameters, self._particles
-        response = self._localised(frame, float(affine.angle(self._state)))
-        weights = self._weigh(frame, dt, response)
+        values, particles, localiser = self._parameters, self._particles, self._localiser
+        before = localiser.angle
+        found = self._search.search(frame, dt)
+        # as the target's points turned, the particles did as well
+        self._turn(localiser.angle - before)
+        found = self._turned(frame, found)
+        weights = self._weigh(frame, dt, found)
         self._state = particles.mean(weights)
-        elsewhere = self._localiser.update(frame, response, response.center, dt)
+        elsewhere = localiser.update(
+            frame, found.response, found.place, dt, found.hidden, found.motion)
+        self._search.follow(dt, elsewhere)
         self._place(elsewhere)
         self._remember_keypoints()
-        if not self._localiser.uncertain:
+        if not (localiser.uncertain or found.hidden):
             self._likelihood.update(
                 self._likelihood.patch(frame, self._state), int(values['update_interval']),
                 float(values['forgetting']), int(values['eigenvectors']))
@@ -108,30 +115,41 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         particles.resample(weights, count)
         return estimate
 
-    def _localised(self, frame: Frame, angle: float) -> ResponseMap:
-        """Return the response about the last place, in a window turned by the better angle."""
-        localiser = self._localiser
-        found = localiser.localise(frame, localiser.center)
-        if (found.peak < _SHORT * localiser.usual_response and localiser.network is None
-                and abs(angle - localiser.angle) > _WORTH_TURNING):
-            other = localiser.localise(frame, localiser.center, angle)
-            if other.peak >= _GAIN * found.peak:
-                return other
-        return found
+    def _turn(self, angle: float) -> None:
+        """Turn state and particles by an angle, [rad]."""
+        if angle:
+            self._state[:2, :2] = affine.rotation(np.asarray(angle)) @ self._state[:2, :2]
+            self._particles.turn(angle)
 
-    def _weigh(self, frame: Frame, dt: float, response: ResponseMap) -> Array:
+    def _turned(self, frame: Frame, found: Found) -> Found:
+        """Return what was found, or what a window turned as the particles are finds there."""
+        localiser, response = self._localiser, found.response
+        angle = float(affine.angle(self._state))
+        if (found.hidden or response.peak >= _SHORT * localiser.usual_response
+                or localiser.network is not None
+                or abs(angle - localiser.angle) <= _WORTH_TURNING):
+            return found
+        other = localiser.localise(frame, found.place, angle)
+        if other.peak < _GAIN * response.peak:
+            return found
+        return replace(found, response=other, place=other.center)
+
+    def _weigh(self, frame: Frame, dt: float, found: Found) -> Array:
         """Move the particles, and return their normalised weights, shape (N,)."""
         values, particles = self._parameters, self._particles
-        change = self._measured_pose(frame, response.center, _REACH)
+        change = self._measured_pose(frame, found.place, _REACH)
         particles.propose(
             dt, self._sigmas, float(values['ar']), None if change is None else change.matrix,
             float(values['keypoint_share']))
-        particles.gather(np.array(response.center), float(values['response_share']))
+        particles.gather(np.array(found.place), float(values['response_share']))
         logs = self._likelihood.log_likelihood(
             frame, particles.states, self._widths, change, self._state)
         logs *= _TEMPERED
-        scale = float(values['temperature']) * self._localiser.usual_response
-        logs += (response.sample(particles.states[:, :2, 2]) - response.peak) / scale
+        if not found.hidden:
+            # what hides the target says nothing of where it is
+            scale = float(values['temperature']) * self._localiser.usual_response
+            response = found.response
+            logs += (response.sample(particles.states[:, :2, 2]) - response.peak) / scale
         weights: Array = np.exp(logs - logs.max())
         return weights / weights.sum()
 

@@ -3,7 +3,7 @@
 from vtrack_ros.appearance.siamese_network import SiameseNetwork
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation import Hypotheses
+from vtrack_ros.localisation import GuidedSearch, Hypotheses
 from vtrack_ros.parameters import Value
 from vtrack_ros.tracker import Tracker
 
@@ -16,6 +16,7 @@ class LocalisedTracker(Tracker):
     """
 
     _localiser: Hypotheses
+    _search: GuidedSearch
     _network: SiameseNetwork | None = None
     _files: tuple[str, str] | None = None
 
@@ -33,6 +34,7 @@ class LocalisedTracker(Tracker):
         """Learn the target in the first frame."""
         self._localiser = Hypotheses(
             frame, box.center, (box.width, box.height), self._rng, self._network)
+        self._search = GuidedSearch(frame, self._localiser)
 
     def _adjust(self) -> None:
         """Put in force what the parameters say of the localiser."""

@@ -12,7 +12,7 @@ from vtrack_ros.estimation import (
     PriorProposal, Proposal, pruned_gauss_hermite, SigmaPointFilter, spread_about)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation import Found, GuidedSearch
+from vtrack_ros.localisation import Found
 from vtrack_ros.localisation.filter_parameters import LOCALISER, MOTION, RESAMPLING, WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
@@ -49,7 +49,6 @@ class ParticleTracker(LocalisedTracker):
     """
 
     PARAMETERS = _SHARED
-    _search: GuidedSearch
     _filter: ParticleFilter
 
     @abstractmethod
@@ -73,7 +72,6 @@ class ParticleTracker(LocalisedTracker):
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._begin(frame, box)
-        self._search = GuidedSearch(frame, self._localiser)
         return self._restart()
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
