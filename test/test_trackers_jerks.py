@@ -5,6 +5,7 @@ from __future__ import annotations
 from drawn_video import texture
 import numpy as np
 import pytest
+from siamese_files import network_files
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, TrackState
@@ -44,3 +45,14 @@ def test_a_target_is_found_in_the_frame_after_a_jerk(name, seed):
         estimate = tracker.update(frame)
         assert estimate.box.iou(box) > 0.7
         assert estimate.state is TrackState.TRACKING
+
+
+@pytest.mark.parametrize('seed, name', list(enumerate(NAMES)))
+def test_a_network_finds_a_target_after_a_jerk(name, seed):
+    """Its boxes are less exact, and its window no wider than the jerk is long."""
+    tracker = create_tracker(name, seed=seed, localiser='siamese', **network_files())
+    for step, (frame, box) in enumerate(jerked(seed)):
+        if not step:
+            tracker.start(frame, box)
+            continue
+        assert tracker.update(frame).box.iou(box) > 0.5

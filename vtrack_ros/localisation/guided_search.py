@@ -114,7 +114,7 @@ class GuidedSearch:
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
         low = maps[0].peak < _LOW * target.usual_response
-        if low and target.network is None:
+        if low:
             box = Box.from_center(*self._start, *target.size)
             self._forecasts |= self._along('ground', self._ground.step(box, far=True), dt)
         if low or dt > _LONG:
