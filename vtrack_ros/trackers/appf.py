@@ -18,8 +18,8 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
-#: The window that keypoints are searched in, in units of the target's bound: about its last place
-#: in the first frame, then about the highest response. It's twice as wide where there is so much
+#: The window that keypoints are searched in, in units of the target's bound: about its place
+#: in the first frame, then about where it's found. It's twice as wide where there is so much
 #: uncertainty.
 _FIRST_REACH, _REACH = 1.6, 1.3
 _UNCERTAIN = 10.0
@@ -62,7 +62,7 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         Parameter('temperature', 0.1, 'Share of the usual response that makes a factor of e in '
                   'the likelihood.', 0.01, 1.0),
         Parameter('response_share', 0.3, 'Share of the particles that are moved to where the '
-                  'response is highest.', 0.0, 1.0),
+                  'target is found.', 0.0, 1.0),
     ]) + AFFINE_GROUP + KEYPOINTS + LOCALISER
 
     def _configure(self) -> None:
