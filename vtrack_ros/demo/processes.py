@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 import json
 from pathlib import Path
+import signal
 import subprocess
 import sys
 import time
@@ -12,7 +13,9 @@ from vtrack_ros.ros.recorder import Answer, Recorder
 #: How long a process may take to start or to end, in seconds.
 PATIENCE = 30.0
 #: How long processes that are told to end may take before they are killed, in seconds.
-_LAST_WORDS = 5.0
+LAST_WORDS = 5.0
+#: The codes of a process that ended as it was told to; by the signal if it didn't listen yet.
+_ENDED_WELL = (0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
 #: How long no answer may come after the last frame was sent, in seconds.
 SILENCE = 2.0
 
@@ -25,7 +28,7 @@ class Child:
     """A process of this Python interpreter, named for messages, that writes into a log."""
 
     def __init__(self, name: str, log: Path, *arguments: str) -> None:
-        self._name, self._log = name, log
+        self._name, self._log, self._blamed = name, log, False
         with log.open('w') as file:
             self._process = subprocess.Popen(
                 [sys.executable, '-m', *arguments], stdout=file, stderr=subprocess.STDOUT)
@@ -63,28 +66,37 @@ class Child:
         """Tell it to end."""
         self._process.terminate()
 
-    def kill(self, patience: float) -> None:
-        """End it, if it doesn't within so many seconds."""
+    def kill(self, patience: float) -> DemoError | None:
+        """End it, if it doesn't within so many seconds; return an error in its end not yet told."""
         try:
-            self._process.wait(patience)
+            code = self._process.wait(patience)
         except subprocess.TimeoutExpired:
-            pass
+            return self.failure('did not end when told to, and was killed')
         finally:
             self._process.kill()
             self._process.wait()
+        if self._blamed or code in _ENDED_WELL:
+            return None
+        return self.failure(f'ended with code {code}')
 
     def failure(self, what: str) -> DemoError:
         """Return an error that quotes the process."""
+        self._blamed = True
         return DemoError(f'the {self._name} {what}' + (f':\n{self.said}' if self.said else ''))
 
 
 def end_all(children: Sequence[Child]) -> None:
-    """End all processes: on their own, for who is killed leaves its shared memory behind."""
+    """
+    End all processes: on their own, for who is killed leaves its shared memory behind.
+
+    What is wrong with an end goes to the standard error, unless it was told before.
+    """
     for child in children:
         child.terminate()
-    deadline = time.monotonic() + _LAST_WORDS
+    deadline = time.monotonic() + LAST_WORDS
     for child in children:
-        child.kill(max(0.0, deadline - time.monotonic()))
+        if wrong := child.kill(max(0.0, deadline - time.monotonic())):
+            print(wrong, file=sys.stderr, flush=True)
 
 
 def run(node: Sequence[str], player: Sequence[str], folder: Path,

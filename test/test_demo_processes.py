@@ -1,0 +1,57 @@
+"""The demo's processes: how they end, and what is said of it."""
+
+import os
+import signal
+import textwrap
+
+import pytest
+
+from vtrack_ros.demo import processes
+from vtrack_ros.demo.processes import Child, DemoError, end_all
+
+
+@pytest.fixture
+def child(tmp_path, monkeypatch):
+    """Return a maker of children that run code, and have said that they do."""
+    monkeypatch.setenv('PYTHONPATH', str(tmp_path))
+
+    def make(code):
+        (tmp_path / 'lines.py').write_text(
+            'import os, signal, time\n' + textwrap.dedent(code)
+            + 'print("here", flush=True)\ntime.sleep(60)\n')
+        made = Child('worker', tmp_path / 'log', 'lines')
+        while made.running and 'here' not in made.said:
+            os.sched_yield()
+        return made
+    return make
+
+
+def test_children_that_end_well_are_not_spoken_of(child, capsys):
+    """Who ends by the signal, or cleanly when told to, is no news."""
+    end_all([child(''), child('signal.signal(signal.SIGTERM, lambda *_: os._exit(0))\n')])
+    assert capsys.readouterr().err == ''
+
+
+def test_a_crash_at_the_end_is_said(child, capsys):
+    """Who crashes when told to end is named, with the code and its words."""
+    end_all([child('signal.signal(signal.SIGTERM, lambda *_: os.abort())\n')])
+    error = capsys.readouterr().err
+    assert f'the worker ended with code {-signal.SIGABRT}:\nhere' in error
+
+
+def test_who_does_not_listen_is_killed_and_named(child, capsys, monkeypatch):
+    """Who doesn't end is killed after a while, and that is said."""
+    monkeypatch.setattr(processes, 'LAST_WORDS', 0.2)
+    deaf = child('signal.signal(signal.SIGTERM, signal.SIG_IGN)\n')
+    end_all([deaf])
+    assert not deaf.running
+    assert 'the worker did not end when told to, and was killed' in capsys.readouterr().err
+
+
+def test_a_failure_is_said_once(child, capsys):
+    """What `check` raised is not told again."""
+    broken = child('raise SystemExit(3)\n')
+    with pytest.raises(DemoError, match='ended with code 3'):
+        broken.check()
+    end_all([broken])
+    assert capsys.readouterr().err == ''
