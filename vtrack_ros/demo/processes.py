@@ -67,7 +67,7 @@ class Child:
         self._process.terminate()
 
     def kill(self, patience: float) -> DemoError | None:
-        """End it, if it doesn't within so many seconds; return an error in its end not yet told."""
+        """End it, by force after so many seconds; return an error in its end not told yet."""
         try:
             code = self._process.wait(patience)
         except subprocess.TimeoutExpired:
