@@ -158,8 +158,10 @@ def test_summary_without_truth():
 
 @pytest.mark.parametrize('end', [
     lambda process: os.killpg(process.pid, signal.SIGINT), subprocess.Popen.terminate,
-    lambda process: process.send_signal(signal.SIGHUP)],
-    ids=['Ctrl-C', 'terminated', 'closed'])
+    lambda process: process.send_signal(signal.SIGHUP),
+    # As `timeout` does, which tells its child and then the whole group.
+    lambda process: [process.send_signal(number) for number in (signal.SIGTERM, signal.SIGHUP)]],
+    ids=['Ctrl-C', 'terminated', 'closed', 'told twice'])
 def test_camera(repository, tmp_path, end):
     """Where there is no camera a scene is shown; the page has its pictures; its end is all's."""
     process = subprocess.Popen(

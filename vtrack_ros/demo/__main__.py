@@ -2,12 +2,22 @@
 
 import signal
 import sys
+from types import FrameType
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """End the demo: once, for what is told twice at once must still end its processes."""
+    for each in _SIGNALS:
+        signal.signal(each, lambda *_: None)
+    raise KeyboardInterrupt
+
 
 if __name__ == '__main__':
     try:
-        # Whoever terminates it, or closes its terminal, ends its processes with it.
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.default_int_handler)
+        for each in _SIGNALS:
+            signal.signal(each, _end)
         # It takes a second to load, in which one may think better of it.
         from vtrack_ros.demo.demonstration import main
         code = main()

@@ -1,6 +1,7 @@
 """The demo's processes: a node, a player, and a recorder in this one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import json
 from pathlib import Path
 import signal
@@ -91,12 +92,25 @@ def end_all(children: Sequence[Child]) -> None:
 
     What is wrong with an end goes to the standard error, unless it was told before.
     """
-    for child in children:
-        child.terminate()
-    deadline = time.monotonic() + LAST_WORDS
-    for child in children:
-        if wrong := child.kill(max(0.0, deadline - time.monotonic())):
-            print(wrong, file=sys.stderr, flush=True)
+    with _undisturbed():
+        for child in children:
+            child.terminate()
+        deadline = time.monotonic() + LAST_WORDS
+        for child in children:
+            if wrong := child.kill(max(0.0, deadline - time.monotonic())):
+                print(wrong, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Hear no signal meanwhile: who is told twice must still end all."""
+    earlier = {number: signal.signal(number, lambda *_: None) for number in (
+        signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in earlier.items():
+            signal.signal(number, handler)
 
 
 def run(node: Sequence[str], player: Sequence[str], folder: Path,
