@@ -158,7 +158,7 @@ def test_summary_without_truth():
 
 @pytest.mark.parametrize('end', [
     lambda process: os.killpg(process.pid, signal.SIGINT), subprocess.Popen.terminate,
-    lambda process: process.send_signal(signal.SIGHUP),
+    lambda process: os.killpg(process.pid, signal.SIGHUP),
     # As `timeout` does, which tells its child and then the whole group.
     lambda process: [process.send_signal(number) for number in (signal.SIGTERM, signal.SIGHUP)]],
     ids=['Ctrl-C', 'terminated', 'closed', 'told twice'])

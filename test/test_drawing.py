@@ -37,6 +37,12 @@ def test_pictures_of_several_sizes(tmp_path):
     assert cv2.imread(str(sheet)).shape == (2 * height + 12, 4 * width + 20, 3)
 
 
+@pytest.mark.parametrize('shape', [(3000, 2), (2, 3000, 3), (1, 1)])
+def test_a_sliver_is_drawn_no_larger_than_it_has_to_be(shape):
+    """It's enlarged by its longer side, or a narrow column would take gigabytes."""
+    assert max(AnnotatedFrame(np.zeros(shape, np.uint8)).picture.shape) == max(480, *shape)
+
+
 def test_half_a_video_is_none(tmp_path):
     """After an error, no video is left that looks like a whole one."""
     with pytest.raises(KeyboardInterrupt), Film(tmp_path, 10, 6) as film:

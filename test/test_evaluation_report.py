@@ -3,7 +3,8 @@
 from html.parser import HTMLParser
 import re
 
-from evaluation_material import boxes_run, write_sequence
+import cv2
+from evaluation_material import boxes_run, write_sequence, write_truth
 import numpy as np
 
 from vtrack_ros.evaluation import evaluate
@@ -59,6 +60,18 @@ def test_page_is_whole_and_refers_to_nothing(tmp_path):
     assert '1 target, 2 trackers, seeds 0, 1;' in text
     assert 'Torn: no images' in text
     assert 'Some &amp; &lt;such&gt;' in text and '<such>' not in text
+
+
+def test_a_line_of_pixels_has_a_picture(tmp_path):
+    """A frame that would shrink to nothing doesn't take the page with it."""
+    folder = tmp_path / 'Line'
+    (folder / 'img').mkdir(parents=True)
+    for index in range(4):
+        line = np.random.default_rng(index).integers(256, size=(1, 2000), dtype=np.uint8)
+        cv2.imwrite(str(folder / 'img' / f'{index + 1:05}.png'), line)
+    write_truth(folder, ['900,0,40,1'] * 4)
+    page = Page(html_page(evaluate(['dcf'], tmp_path, seeds=1, jobs=0)))
+    assert any(one.startswith('data:image/jpeg') for one in page.references)
 
 
 def test_worst_frames():

@@ -29,7 +29,7 @@ STATES = {
 }
 #: Fixed-point bits of the coordinates, so that lines lie between pixels too.
 _BITS = 4
-#: Pictures are enlarged by whole factors up to this width.
+#: Pictures are enlarged by whole factors up to this longer side, about.
 _LEGIBLE = 480
 #: How many pictures a sheet has, and how many places a trail.
 _SHEET, _TRAIL = 16, 60
@@ -46,7 +46,7 @@ class AnnotatedFrame:
 
     def __init__(self, frame: Frame, enlarge: bool = True) -> None:
         colour = cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR) if frame.ndim == 2 else frame.copy()
-        self._scale = max(1, round(_LEGIBLE / frame.shape[1])) if enlarge else 1
+        self._scale = max(1, round(_LEGIBLE / max(frame.shape[:2]))) if enlarge else 1
         if self._scale > 1:
             colour = cv2.resize(colour, None, fx=self._scale, fy=self._scale,
                                 interpolation=cv2.INTER_NEAREST)

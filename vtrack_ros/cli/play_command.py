@@ -11,6 +11,7 @@ from vtrack_ros.bags.player import Pace, Played, Player, StopRequest
 from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
+from vtrack_ros.signals import ending_signals
 
 EXAMPLES = """examples:
   vtrack play bags/face_fast
@@ -56,8 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         rclpy = load_rclpy('playing')
         # Until ROS is down again, a signal ends the player between two messages, after a last
         # word; another one must not leave shared memory behind.
-        earlier = {
-            number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+        earlier = {number: signal.signal(number, end) for number in ending_signals()}
         context = rclpy.context.Context()
         # ROS would read our arguments as its own, and rename topics once more.
         rclpy.init(args=[], context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)

@@ -4,7 +4,9 @@ import signal
 import sys
 from types import FrameType
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+from vtrack_ros.signals import ending_signals
+
+_SIGNALS = ending_signals()
 
 
 def _end(number: int, frame: FrameType | None) -> None:

@@ -11,6 +11,7 @@ import time
 import cv2
 
 from vtrack_ros.frame import Frame
+from vtrack_ros.signals import ending_signals
 
 #: The rate of a video that doesn't tell its own, in Hz.
 _USUAL_RATE = 30.0
@@ -55,14 +56,14 @@ def images(source: str) -> Iterator[Frame]:
 
 
 def main(source: str) -> int:
-    """Publish on `image` until SIGINT or SIGTERM."""
+    """Publish on `image` until a signal ends it."""
     import rclpy
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Image
 
     from vtrack_ros.messages.images import fill_image
     ended: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, lambda caught, _: ended.append(caught))
     rclpy.init(signal_handler_options=rclpy.SignalHandlerOptions.NO)
     node = rclpy.create_node('camera')

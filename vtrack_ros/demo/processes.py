@@ -10,13 +10,15 @@ import sys
 import time
 
 from vtrack_ros.ros.recorder import Answer, Recorder
+from vtrack_ros.signals import ending_signals
 
 #: How long a process may take to start or to end, in seconds.
 PATIENCE = 30.0
 #: How long processes that are told to end may take before they are killed, in seconds.
 LAST_WORDS = 5.0
 #: The codes of a process that ended as it was told to; by the signal if it didn't listen yet.
-_ENDED_WELL = (0, -signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+_ENDED_WELL = (0, *(code for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+                    for code in (-number, 128 + number)))
 #: How long no answer may come after the last frame was sent, in seconds.
 SILENCE = 2.0
 
@@ -104,8 +106,7 @@ def end_all(children: Sequence[Child]) -> None:
 @contextmanager
 def _undisturbed() -> Iterator[None]:
     """Hear no signal meanwhile: who is told twice must still end all."""
-    earlier = {number: signal.signal(number, lambda *_: None) for number in (
-        signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    earlier = {number: signal.signal(number, lambda *_: None) for number in ending_signals()}
     try:
         yield
     finally:

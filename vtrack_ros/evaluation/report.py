@@ -177,7 +177,8 @@ def _picture(worst: WorstFrame, frame: Frame, sequence: Sequence, runs: Mapping[
     """Return a frame's picture, the boxes to be drawn over it and what one sees."""
     high, wide = frame.shape[:2]
     scale = min(1.0, 2 * _PICTURE / wide)
-    small = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    small = cv2.resize(frame, (round(scale * wide), max(1, round(scale * high))),
+                       interpolation=cv2.INTER_AREA)
     jpeg = cv2.imencode('.jpg', small, (cv2.IMWRITE_JPEG_QUALITY, 75))[1]
     stroke = wide / _PICTURE * 2
     boxes = []

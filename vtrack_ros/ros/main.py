@@ -8,9 +8,9 @@ import signal
 import sys
 
 from vtrack_ros.dds import receiving_profile
+from vtrack_ros.signals import ending_signals
 
-
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = ending_signals()
 
 HELP = """\
 usage: tracker [--ros-args [-r FROM:=TO]... [-p NAME:=VALUE]... [--params-file FILE]]
@@ -36,7 +36,7 @@ def lifecycle_main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(module: str, node: str, arguments: Sequence[str] | None) -> int:
     """
-    Make a node, once ROS is up, and spin it on one thread until SIGINT or SIGTERM.
+    Make a node, once ROS is up, and spin it on one thread until a signal ends it.
 
     Returns the exit code: 0 after a signal, 2 if a parameter was wrong from the start.
     """

@@ -6,7 +6,6 @@ import asyncio
 from importlib.resources import files
 import json
 from pathlib import Path
-import signal
 from typing import Any
 
 from aiohttp import web, WSMsgType
@@ -17,6 +16,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.messages.images import decoded
 from vtrack_ros.selecting.access import guard
 from vtrack_ros.selecting.tracker_link import TrackerLink
+from vtrack_ros.signals import ending_signals
 
 #: The longest message that a viewer may send, in bytes.
 LONGEST_MESSAGE = 4096
@@ -143,13 +143,13 @@ class Viewer:
 
 async def serve(target: str, host: str, port: int, token: str, folder: Path) -> None:
     """
-    Serve the page of a tracking node until SIGINT or SIGTERM; OSError if the port is taken.
+    Serve the page of a tracking node until a signal ends it; OSError if the port is taken.
 
     Recordings go into the folder.
     """
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         loop.add_signal_handler(number, stop.set)
     viewers: set[Viewer] = set()
     tasks: set[asyncio.Task[None]] = set()
