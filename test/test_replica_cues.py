@@ -6,10 +6,10 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from vtrack_ros.appearance.keypoints import Keypoints
 from vtrack_ros.geometry import affine
 from vtrack_ros.replicas.affine_filters import ConsecutiveKeypoints
 from vtrack_ros.replicas.cues import BoxCues, normalised_masses
+from vtrack_ros.replicas.keypoints import Keypoints
 
 SIDE = 24
 

@@ -6,9 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from vtrack_ros.appearance.affine_likelihood import keypoint_error
 from vtrack_ros.appearance.affine_patches import AffinePatches
-from vtrack_ros.appearance.keypoints import PoseChange
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.tracker import TrackState
 from vtrack_ros.trackers import create_tracker
@@ -20,22 +18,6 @@ def _state(scale=30.0, turn=0.0, center=(0.0, 0.0)):
 
 def _path(index):
     return 100.0 + 2.0 * index, 110.0 + 12 * np.sin(index / 6)
-
-
-def test_keypoint_error_is_the_mean_square_distance():
-    rng = np.random.default_rng(0)
-    before, states = _state(20.0, 0.1, (40.0, 40.0)), []
-    for _ in range(5):
-        states.append(before @ affine.exponential(
-            affine.from_coordinates(0.1 * rng.standard_normal(6))))
-    source, target = rng.uniform(0, 80, (2, 12, 2))
-    change = PoseChange(np.eye(3), source, target, np.ones(len(source)))
-    expected = []
-    for state in states:
-        move = state @ np.linalg.inv(before)
-        landed = source @ move[:2, :2].T + move[:2, 2]
-        expected.append(np.square(landed - target).sum(1).mean())
-    assert_allclose(keypoint_error(np.array(states), before, change), expected)
 
 
 def test_patches_follow_rotation_and_scale():
@@ -125,7 +107,7 @@ def test_a_turned_target_stays_in_the_image():
         rng = np.random.default_rng(seed)
         frames = [np.repeat(rng.integers(256, size=(9, 1, 3), dtype=np.uint8), 5, 0)
                   for _ in range(5)]
-        tracker = create_tracker('appf', seed=seed, rotation_noise=1.0, keypoints=False)
+        tracker = create_tracker('appf', seed=seed, rotation_noise=1.0)
         tracker.start(frames[0], Box(0, 1, 1, 61))
         for frame in frames[1:]:
             x, y = tracker.update(frame).box.center
@@ -150,7 +132,7 @@ def test_parameters_change_while_it_runs():
     tracker.configure(particles=50, eigenvectors=4, update_interval=2, rotation_noise=0.0)
     for index in range(1, 8):
         estimate = tracker.update(drawn.frame(_path(index), 0.0, 1.0, index))
-        tracker.configure(keypoints=index % 2 == 0)
+        tracker.configure(colour_sigma=0.1 + 0.01 * index)
     assert len(estimate.particles) == 50
     assert estimate.box.iou(drawn.box(_path(7))) > 0.6
     with pytest.raises(ValueError, match='particles must be an integer from 2'):

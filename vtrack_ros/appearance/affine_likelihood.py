@@ -1,4 +1,4 @@
-"""The likelihood of affine frames: colour, the subspace of patches, and keypoints."""
+"""The likelihood of affine frames: colour, and the subspace of patches."""
 
 from dataclasses import dataclass, replace
 
@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.affine_patches import AffinePatches
-from vtrack_ros.appearance.keypoints import PoseChange
 from vtrack_ros.appearance.subspace import Subspace
 from vtrack_ros.frame import Array, Frame
-from vtrack_ros.geometry import affine
 
 #: Residual of a pixel, of 1, that counts half in the robust error norm.
 _OUTLIER = 0.1
@@ -20,18 +18,16 @@ class Widths:
     """
     Standard deviations of the likelihood's terms; an infinite one drops its term.
 
-    Of the Bhattacharyya distance of colours, of the square root of the subspace's robust error,
-    and of the keypoints' distance as a share of the target's mean side.
+    Of the Bhattacharyya distance of colours, and of the root of the subspace's robust error.
     """
 
     colour: float
     subspace: float
-    keypoints: float
 
 
 class AffineLikelihood:
     """
-    The likelihood of affine frames: the product of three terms [Xiang, sec. 3.3].
+    The likelihood of affine frames: a product of two terms [Xiang, secs 3.3.1 and 3.3.2].
 
     They're learned from the first frame, in which the target's affine frame is `first`, from a
     rectangle of that (width, height). A patch has `side` samples along each side, the subspace
@@ -50,23 +46,14 @@ class AffineLikelihood:
             self._colours = np.sqrt(histogram / max(histogram.sum(), 1e-12))
         self._fresh: list[NDArray[np.float32]] = []
 
-    def log_likelihood(self, frame: Frame, states: Array, widths: Widths,
-                       change: PoseChange | None, before: Array) -> Array:
-        """
-        Return the logarithm of the likelihood of affine frames (N, 3, 3), less a constant.
-
-        `change` has the target's keypoints that were seen again, `before` is its affine frame in
-        the last frame.
-        """
+    def log_likelihood(self, frame: Frame, states: Array, widths: Widths) -> Array:
+        """Return the logarithm of the likelihood of affine frames (N, 3, 3), less a constant."""
         patches = AffinePatches(frame, states, self.size, self.side)
         result = self.subspace.robust_error(patches.grey(), _OUTLIER).astype(np.float64)
         result /= -2 * widths.subspace**2
         if self._colours is not None:
             similarity = np.sqrt(patches.colours()) @ self._colours
             result -= (1 - similarity) / (2 * widths.colour**2)
-        if change is not None:
-            width = widths.keypoints * float(affine.scale(before))
-            result -= keypoint_error(states, before, change) / (2 * width**2)
         return result
 
     def patch(self, frame: Frame, state: Array) -> NDArray[np.float32]:
@@ -89,22 +76,3 @@ class AffineLikelihood:
             subspace = replace(self.subspace, limit=components)
             self.subspace = subspace.updated(np.array(self._fresh), forgetting)
             self._fresh.clear()
-
-
-def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
-    """
-    Return how far keypoints land from their matches if the target moved into each affine frame.
-
-    The weighted mean square of the distances, [px^2], shape (N,) [Xiang, sec. 3.3.3; the text
-    sums, which would make the term's weight depend on how many keypoints there happen to be].
-    """
-    moves = states @ affine.inverse(before)
-    # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments
-    points = np.column_stack([change.before, np.ones(len(change.before))])
-    shares = change.weights / change.weights.sum()
-    scatter, cross = (points.T * shares) @ points, (change.after.T * shares) @ points
-    rows = moves[:, :2]
-    result: Array = (np.einsum('nij,jk,nik->n', rows, scatter, rows)
-                     - 2 * np.einsum('nij,ij->n', rows, cross)
-                     + shares @ np.square(change.after).sum(1))
-    return np.maximum(result, 0.0)

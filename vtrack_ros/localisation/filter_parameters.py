@@ -55,7 +55,7 @@ AFFINE_NOISES = ParameterTable(
         ('skew_noise', 0.005, 'change of skew a frame', 0.5),
         ('x_noise', 0.06, "step along x a frame, as a share of the target's mean side", 2.0),
         ('y_noise', 0.06, "step along y a frame, as a share of the target's mean side", 2.0)))
-#: Of a particle filter over affine frames, its dynamics on the group, and its keypoints.
+#: Of a particle filter over affine frames, and its dynamics on the group.
 AFFINE = ParameterTable([
     Parameter('particles', 400, 'Number of particles.', 2, 5000),
     *AFFINE_NOISES.values(),
@@ -71,11 +71,4 @@ AFFINE_GROUP = ParameterTable([
               0.0, 1.0),
     Parameter('colour_sigma', 0.12, 'Width of the colour likelihood '
               'exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
-])
-KEYPOINTS = ParameterTable([
-    Parameter('keypoints', True, 'Whether keypoints measure the pose.'),
-    Parameter('keypoint_share', 0.5, 'Share of the particles that the measured pose moves in '
-              'place of the autoregressive process.', 0.0, 1.0),
-    Parameter('keypoint_sigma', 0.05, 'Width of the keypoint likelihood, as a share of the '
-              "target's mean side.", 0.001, 1.0),
 ])

@@ -5,18 +5,17 @@ from typing import ClassVar
 import numpy as np
 
 from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths
-from vtrack_ros.appearance.keypoint_memory import KeypointMemory
-from vtrack_ros.appearance.keypoints import (
-    KeypointDetector, Keypoints, nearest, pose_change, PoseChange)
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
-from vtrack_ros.localisation.filter_parameters import (
-    AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS)
+from vtrack_ros.localisation.filter_parameters import AFFINE, AFFINE_GROUP, AFFINE_NOISES
 from vtrack_ros.localisation.presence import logistic, state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.replicas.keypoint_memory import KeypointMemory
+from vtrack_ros.replicas.keypoints import (
+    keypoint_error, KeypointDetector, Keypoints, nearest, pose_change, PoseChange)
 from vtrack_ros.tracker import Estimate, Tracker
 
 #: The window that keypoints are looked for in, in units of the target's bound. It's twice as wide
@@ -30,7 +29,12 @@ _EVEN, _WIDTH, _UNLIKE = 0.25, 0.07, 0.15
 #: Standard deviations that the particles don't know of, as shares of the mean side.
 _CENTER_ERROR, _SIZE_ERROR = 0.08, 0.12
 
-_KEYPOINTS = KEYPOINTS + ParameterTable([
+_KEYPOINTS = ParameterTable([
+    Parameter('keypoints', True, 'Whether keypoints measure the pose.'),
+    Parameter('keypoint_share', 0.5, 'Share of the particles that the measured pose moves in '
+              'place of the autoregressive process.', 0.0, 1.0),
+    Parameter('keypoint_sigma', 0.05, 'Width of the keypoint likelihood, as a share of the '
+              "target's mean side.", 0.001, 1.0),
     Parameter('as_printed', False, 'Match the keypoints of consecutive frames, in place of those '
               'remembered of the target; in force at the next start.'),
 ])
@@ -52,8 +56,7 @@ class AffineParticleTracker(Tracker):
         values = self._parameters
         self._sigmas = np.array([float(values[name]) for name in AFFINE_NOISES])
         self._widths = Widths(
-            float(values.get('colour_sigma', np.inf)), float(values['subspace_sigma']),
-            float(values.get('keypoint_sigma', np.inf)))
+            float(values.get('colour_sigma', np.inf)), float(values['subspace_sigma']))
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         side, count = float(np.sqrt(box.area)), int(self._parameters['particles'])
@@ -74,8 +77,10 @@ class AffineParticleTracker(Tracker):
         particles.propose(
             dt, self._sigmas, float(values.get('ar', 0.0)),
             None if change is None else change.matrix, float(values.get('keypoint_share', 0.0)))
-        logs = self._likelihood.log_likelihood(
-            frame, particles.states, self._widths, change, self._state)
+        logs = self._likelihood.log_likelihood(frame, particles.states, self._widths)
+        if change is not None:
+            width = float(values['keypoint_sigma']) * float(affine.scale(self._state))
+            logs -= keypoint_error(particles.states, self._state, change) / (2 * width**2)
         weights = np.exp(logs - logs.max())
         weights /= weights.sum()
         self._state = particles.mean(weights)

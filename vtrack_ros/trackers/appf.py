@@ -1,28 +1,21 @@
-"""APPF: a particle filter on the affine group, steered by keypoints and by the response."""
+"""APPF: a particle filter on the affine group, steered by the response."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths
-from vtrack_ros.appearance.keypoint_memory import KeypointMemory
-from vtrack_ros.appearance.keypoints import KeypointDetector, PoseChange
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import GroupParticles
-from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine, Box
 from vtrack_ros.localisation import Found
 from vtrack_ros.localisation.filter_parameters import (
-    AFFINE, AFFINE_GROUP, AFFINE_NOISES, KEYPOINTS, LOCALISER)
+    AFFINE, AFFINE_GROUP, AFFINE_NOISES, LOCALISER)
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
-#: The window that keypoints are searched in, in units of the target's bound: about its place
-#: in the first frame, then about where it's found. It's twice as wide where there is so much
-#: uncertainty.
-_FIRST_REACH, _REACH = 1.6, 1.3
-_UNCERTAIN = 10.0
 #: Power of the paper's likelihood beside the response: both see the same pixels, and a product of
 #: terms that aren't independent is too sure of itself.
 _TEMPERED = 0.3
@@ -31,45 +24,38 @@ _TEMPERED = 0.3
 _SHORT = 0.9
 _WORTH_TURNING = 0.06
 _GAIN = 1.05
-#: Samples along each side of a patch, and of the target, at most, for keypoints.
-_SIDE, _KEYPOINT_SIDE = 24, 40
+#: Samples along each side of a patch.
+_SIDE = 24
 
 
-class AffineKeypointParticleFilter(LocalisedTracker):
+class AffineParticleFilter(LocalisedTracker):
     """
-    APPF: autoregression on the affine group, steered by the keypoints' pose [Xiang].
+    APPF: autoregression on the affine group, weighted by colours and a subspace [Xiang].
 
-    The paper has the pose steer the sampling, but doesn't say how: here `keypoint_share` of the
-    particles move by the measured pose plus noise and the rest by the autoregressive process, so
-    that a wrong pose costs particles and not the target. Without a pose all follow the process.
+    The paper's particles are steered by the pose that keypoints measure. Here a pose is measured
+    in other ways: a share of the particles is moved to the place that the guided search finds,
+    and all turn as the target's own points do; keypoints beside these moved no box for the
+    better, and took a quarter of the time (decision 43). `appf_paper` has them.
 
-    The paper matches the keypoints of consecutive frames. As printed that loses targets that pass
-    behind something: the occluder's keypoints in the box agree on a movement, its own, and the
-    error of each step adds to the last. Here the keypoints of the target are remembered, see
-    `KeypointMemory`, and the pose is measured against the places that they had on it.
-
-    The response of a discriminative model is one more term of the likelihood, and the place that
-    the guided search finds is one more measured pose, which a share of the particles moves to.
-    Place, size and box are the model's, whose own maximum is more exact than a mean over six
-    dimensions. The particles turn as the target's own points do; rotation and shape are theirs,
-    and the search window is turned by a rotation of theirs that brings a higher response. When the
-    target is found elsewhere they start again there.
+    The response of a discriminative model is one more term of the likelihood. Place, size and box
+    are the model's, whose own maximum is more exact than a mean over six dimensions. Rotation and
+    shape are the particles', and the search window is turned by a rotation of theirs that brings a
+    higher response. When the target is found elsewhere they start again there.
     """
 
     NAME = 'appf'
-    SUMMARY = 'affine-group particle filter with appearance subspace and keypoints (APPF)'
+    SUMMARY = 'affine-group particle filter with an appearance subspace (APPF)'
     PARAMETERS = AFFINE + ParameterTable([
         Parameter('temperature', 0.1, 'Share of the usual response that makes a factor of e in '
                   'the likelihood.', 0.01, 1.0),
         Parameter('response_share', 0.3, 'Share of the particles that are moved to where the '
                   'target is found.', 0.0, 1.0),
-    ]) + AFFINE_GROUP + KEYPOINTS + LOCALISER
+    ]) + AFFINE_GROUP + LOCALISER
 
     def _configure(self) -> None:
         values = self._parameters
         self._sigmas = np.array([float(values[name]) for name in AFFINE_NOISES])
-        self._widths = Widths(*(
-            float(values[f'{term}_sigma']) for term in ('colour', 'subspace', 'keypoint')))
+        self._widths = Widths(float(values['colour_sigma']), float(values['subspace_sigma']))
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         side = float(np.sqrt(box.area))
@@ -81,10 +67,6 @@ class AffineKeypointParticleFilter(LocalisedTracker):
             self._state, count, np.array(frame.shape[1::-1]), self._rng)
         self._likelihood = AffineLikelihood(
             frame, self._state, self._size, int(self._parameters['eigenvectors']), True, _SIDE)
-        self._detector = KeypointDetector(_KEYPOINT_SIDE)
-        self._memory = KeypointMemory(self._size)
-        self._measured_pose(frame, box.center, _FIRST_REACH)
-        self._remember_keypoints()
         self._begin(frame, box)
         return self._estimate(np.full(count, 1 / count))
 
@@ -102,7 +84,6 @@ class AffineKeypointParticleFilter(LocalisedTracker):
             frame, found.response, found.place, dt, found.hidden, found.motion)
         self._search.follow(dt, elsewhere)
         self._place(elsewhere)
-        self._remember_keypoints()
         if not (localiser.uncertain or found.hidden):
             self._likelihood.update(
                 self._likelihood.patch(frame, self._state), int(values['update_interval']),
@@ -137,13 +118,9 @@ class AffineKeypointParticleFilter(LocalisedTracker):
     def _weigh(self, frame: Frame, dt: float, found: Found) -> Array:
         """Move the particles, and return their normalised weights, shape (N,)."""
         values, particles = self._parameters, self._particles
-        change = self._measured_pose(frame, found.place, _REACH)
-        particles.propose(
-            dt, self._sigmas, float(values['ar']), None if change is None else change.matrix,
-            float(values['keypoint_share']))
+        particles.propose(dt, self._sigmas, float(values['ar']))
         particles.gather(np.array(found.place), float(values['response_share']))
-        logs = self._likelihood.log_likelihood(
-            frame, particles.states, self._widths, change, self._state)
+        logs = self._likelihood.log_likelihood(frame, particles.states, self._widths)
         logs *= _TEMPERED
         if not found.hidden:
             # what hides the target says nothing of where it is
@@ -163,21 +140,6 @@ class AffineKeypointParticleFilter(LocalisedTracker):
         self._state[:2, :2] *= growth
         self._state[:2, 2] = self._localiser.center
         self._particles.grow(growth)
-
-    def _measured_pose(self, frame: Frame, center: Point, reach: float) -> PoseChange | None:
-        """Return how the target's keypoints moved from where the last estimate has them."""
-        if not self._parameters['keypoints']:
-            self._memory = KeypointMemory(self._size)
-            return None
-        _, _, width, height = affine.bounds(self._state, self._size)
-        reach *= 1 + min(self._memory.uncertainty / _UNCERTAIN, 1.0)
-        seen = self._detector.detect(frame, center, (width, height), reach)
-        return self._memory.measure(seen, self._state, self._rng)
-
-    def _remember_keypoints(self) -> None:
-        """Learn which keypoints moved with the target."""
-        if self._parameters['keypoints']:
-            self._memory.learn(self._state)
 
     def _estimate(self, weights: Array) -> Estimate:
         boxes = affine.ellipse_bounds(self._particles.states, self._size)

@@ -17,7 +17,7 @@ from vtrack_ros.parameters import ParameterTable
 from vtrack_ros.replicas import REPLICAS
 from vtrack_ros.tracker import Tracker
 from vtrack_ros.trackers.abmspf import MeanShiftParticleFilter
-from vtrack_ros.trackers.appf import AffineKeypointParticleFilter
+from vtrack_ros.trackers.appf import AffineParticleFilter
 from vtrack_ros.trackers.dcf import CorrelationTracker
 from vtrack_ros.trackers.opencv_trackers import OPENCV_TRACKERS
 from vtrack_ros.trackers.particle_tracker import (
@@ -27,7 +27,7 @@ _PRODUCT: tuple[type[Tracker], ...] = (
     GreyParticleFilter,
     PrunedQuadratureParticleFilter,
     MeanShiftParticleFilter,
-    AffineKeypointParticleFilter,
+    AffineParticleFilter,
     PriorParticleFilter,
     CorrelationTracker,
 )

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from vtrack_ros.appearance.keypoints import Keypoints, nearest, pose_change, PoseChange
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import affine
+from vtrack_ros.replicas.keypoints import Keypoints, nearest, pose_change, PoseChange
 
 #: Frames that show a keypoint after which it is taken for the target's own.
 _OWN = 3

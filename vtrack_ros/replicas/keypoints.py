@@ -196,3 +196,22 @@ def sylvester_rotation(before: Array, after: Array) -> Array:
         if abs(turn - before_turn) < 1e-10:
             break
     return rotation
+
+
+def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
+    """
+    Return how far keypoints land from their matches if the target moved into each affine frame.
+
+    The weighted mean square of the distances, [px^2], shape (N,) [Xiang, sec. 3.3.3; the text
+    sums, which would make the term's weight depend on how many keypoints there happen to be].
+    """
+    moves = states @ affine.inverse(before)
+    # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments
+    points = np.column_stack([change.before, np.ones(len(change.before))])
+    shares = change.weights / change.weights.sum()
+    scatter, cross = (points.T * shares) @ points, (change.after.T * shares) @ points
+    rows = moves[:, :2]
+    result: Array = (np.einsum('nij,jk,nik->n', rows, scatter, rows)
+                     - 2 * np.einsum('nij,ij->n', rows, cross)
+                     + shares @ np.square(change.after).sum(1))
+    return np.maximum(result, 0.0)

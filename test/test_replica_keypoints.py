@@ -5,10 +5,11 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from vtrack_ros.appearance.keypoint_memory import KeypointMemory
-from vtrack_ros.appearance.keypoints import (
-    KeypointDetector, Keypoints, nearest, pose_change, similarity, sylvester_rotation)
 from vtrack_ros.geometry import affine
+from vtrack_ros.replicas.keypoint_memory import KeypointMemory
+from vtrack_ros.replicas.keypoints import (
+    keypoint_error, KeypointDetector, Keypoints, nearest, pose_change, PoseChange, similarity,
+    sylvester_rotation)
 
 
 def _points(count, seed=0):
@@ -50,6 +51,22 @@ def test_similarity_recovers_an_exact_movement(scale):
     expected[:2, :2] = scale * affine.rotation(np.asarray(0.3))
     expected[:2, 2] = 7, -2
     assert_allclose(matrix, expected, atol=1e-7)
+
+
+def test_keypoint_error_is_the_mean_square_distance():
+    rng = np.random.default_rng(0)
+    before, states = affine.from_vector(np.array([np.log(20.0), 0, 0.1, 0, 40.0, 40.0])), []
+    for _ in range(5):
+        states.append(before @ affine.exponential(
+            affine.from_coordinates(0.1 * rng.standard_normal(6))))
+    source, target = rng.uniform(0, 80, (2, 12, 2))
+    change = PoseChange(np.eye(3), source, target, np.ones(len(source)))
+    expected = []
+    for state in states:
+        move = state @ np.linalg.inv(before)
+        landed = source @ move[:2, :2].T + move[:2, 2]
+        expected.append(np.square(landed - target).sum(1).mean())
+    assert_allclose(keypoint_error(np.array(states), before, change), expected)
 
 
 def test_pose_change_ignores_outliers():
