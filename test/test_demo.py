@@ -1,6 +1,7 @@
 """The demo: three processes on a real bag, every frame accounted for."""
 
 import asyncio
+from contextlib import suppress
 import itertools
 import json
 import os
@@ -181,12 +182,14 @@ def test_camera(repository, tmp_path, end):
         shared = segments(group(process.pid))
         end(process)
         output = process.communicate(timeout=60)[0]
+        with pytest.raises(ProcessLookupError):
+            os.killpg(process.pid, 0)
     finally:
-        process.kill()
+        # who is left would answer the images of other tests
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert process.returncode == 0 and 'Traceback' not in output, output
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
     # How each process ended is in the output, if it didn't end well.
     assert shared and not any(one.exists() for one in shared), output
 
