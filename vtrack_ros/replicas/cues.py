@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vtrack_ros.appearance.fusion import FUSION_RULES, reliability
 from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
-from vtrack_ros.appearance.motion_edge import MotionEdge
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.localisation.presence import logistic
+from vtrack_ros.replicas.fusion import FUSION_RULES, reliability
+from vtrack_ros.replicas.motion_edge import MotionEdge
 
 #: From likelihoods (cues, N) and reliabilities (cues,) to the log of the fused one, shape (N,).
 FusionRule = Callable[[Array, Array], Array]

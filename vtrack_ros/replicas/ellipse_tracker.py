@@ -6,7 +6,6 @@ import math
 import cv2
 import numpy as np
 
-from vtrack_ros.appearance.ellipse_colours import EllipseColours
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import (
@@ -15,6 +14,7 @@ from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import fuse
 from vtrack_ros.localisation.presence import logistic, state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.replicas.ellipse_colours import EllipseColours
 from vtrack_ros.tracker import Estimate, Tracker
 
 #: Frames of search after which it goes on in the whole frame [Yin2013, step 9].

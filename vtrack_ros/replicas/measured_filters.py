@@ -84,7 +84,7 @@ class QuadratureReplica(MeasuredParticleFilter):
 
     Mended (`fusion=dempster_shafer`): likelihoods are divided by the highest, a cue counts as much
     as it tells the particles apart (Shafer's discounting), and half of what's unknown is the
-    target's; see `appearance.fusion`. `fusion=normalised` has eqs 16-19 to the letter but for
+    target's; see `replicas.fusion`. `fusion=normalised` has eqs 16-19 to the letter but for
     the misprint in eq. 18, see `normalised_masses`; `as_printed` has it in place of
     `dempster_shafer`, and what `MeasuredParticleFilter` says.
     """

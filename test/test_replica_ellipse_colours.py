@@ -6,7 +6,7 @@ from drawn_ellipse import ellipse
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.ellipse_colours import EllipseColours
+from vtrack_ros.replicas.ellipse_colours import EllipseColours
 
 
 def matrix(major, minor, angle=0.0):

@@ -7,7 +7,7 @@ from itertools import product as pairs
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.fusion import (
+from vtrack_ros.replicas.fusion import (
     dempster_shafer, FUSION_RULES, product, reliability, weighted_sum)
 
 TARGET, OTHER = frozenset({'target'}), frozenset({'other'})

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.motion_edge import MotionEdge
+from vtrack_ros.replicas.motion_edge import MotionEdge
 
 SHAPE = (120, 160)
 WHOLE = (0, 0, SHAPE[1], SHAPE[0])
