@@ -34,8 +34,9 @@ class AffineParticleFilter(LocalisedTracker):
 
     The paper's particles are steered by the pose that keypoints measure. Here a pose is measured
     in other ways: a share of the particles is moved to the place that the guided search finds,
-    and all turn as the target's own points do; keypoints beside these moved no box for the
-    better, and took a quarter of the time (decision 43). `appf_paper` has them.
+    and all turn as the target's own points do. Keypoints beside these helped a little where the
+    picture rolls far and nowhere else, for a third of the time (decision 43). `appf_paper` has
+    them.
 
     The response of a discriminative model is one more term of the likelihood. Place, size and box
     are the model's, whose own maximum is more exact than a mean over six dimensions. Rotation and
