@@ -18,11 +18,13 @@ os.environ.setdefault('OPENCV_FOR_THREADS_NUM', '1')
 # Before any test module imports rclpy.
 _domain_guard = reserve_domain()
 
-# A background job of a shell begins with Ctrl-C ignored, one of nohup with a closed terminal, and
-# so would all its children.
+# A background job of a shell begins with Ctrl-C ignored, and so would all its children.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGHUP, signal.SIG_DFL)
+# So does one of nohup with a closed terminal. That still doesn't end the tests, but what they
+# start: what is ignored is inherited, a handler isn't.
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, lambda *_: None)
 
 # Hypothesis: a few examples, always the same ones, or many others (see CONTRIBUTING.md).
 settings.register_profile('quick', derandomize=True, deadline=None, database=None)

@@ -9,6 +9,7 @@ from std_srvs.srv import SetBool, Trigger
 from vision_msgs.msg import Detection2D, Detection2DArray, ObjectHypothesisWithPose
 
 from vtrack_ros.bags import BagReader
+from vtrack_ros.messages.images import stamp_nanoseconds
 
 START = 10 * 10**9
 
@@ -296,6 +297,7 @@ def test_pause(client, process):
     select(client, process, client.init, detection(SCENE.box(client.index)))
     before, states = len(client.heard['detections']), len(client.heard['~/state'])
     assert client.ask('~/enable', SetBool, data=False).success
+    pause = START + STEP * client.index
     late = []
 
     def told():
@@ -320,6 +322,9 @@ def test_pause(client, process):
     states = len(client.heard['~/state'])
     assert client.ask('~/enable', SetBool, data=True).success
     client.until(lambda: 'tracking' in said(client, states), 'resumed without a word')
+    # what was told before the pause isn't told again; an image on its way may be answered
+    assert all(stamp_nanoseconds(answer.header.stamp) >= pause
+               for answer in client.heard['detections'][before:])
     assert client.ask('~/reset', Trigger).success
     play(client)
 

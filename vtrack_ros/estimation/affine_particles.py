@@ -105,9 +105,10 @@ class GroupParticles(AffineParticles):
             drift[followers] = 0
         steps = (drift + affine.from_coordinates(noise)).clip(-_LONGEST_STEP, _LONGEST_STEP)
         states = base @ affine.exponential(steps)
-        # the others' logarithm is the step that they have just made
-        steps[followers] = affine.logarithm(
-            affine.inverse(before[followers]) @ states[followers])
+        if count:
+            # the others' logarithm is the step that they have just made
+            steps[followers] = affine.logarithm(
+                affine.inverse(before[followers]) @ states[followers])
         refused = ~self._allowed(states)
         states[refused] = before[refused]
         steps[refused | ~np.isfinite(steps[:, 0, 0])] = 0
