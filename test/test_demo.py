@@ -56,8 +56,9 @@ def test_face_fast(repository, tmp_path):
     assert sum(1 for _ in iter(lambda: video.read()[0], False)) == 50
 
 
-def test_interrupted(repository, tmp_path):
-    """Ctrl-C ends all processes: 130, no traceback, no picture of half a run, no memory left."""
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGHUP], ids=['Ctrl-C', 'closed'])
+def test_interrupted(repository, tmp_path, number):
+    """A signal ends all processes: 130, no traceback, no picture of half a run, no memory left."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo', '--out', str(tmp_path)], cwd=repository,
         env=dict(os.environ), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
@@ -65,15 +66,16 @@ def test_interrupted(repository, tmp_path):
     # The first line of progress says that frames are being answered.
     assert 'frames' in process.stderr.readline()
     shared = segments(group(process.pid))
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     errors = process.communicate(timeout=60)[1]
     assert 'Traceback' not in errors, errors
     # By the signal itself where it comes in the midst of code from a string: 130 in a shell, too.
-    assert process.returncode in (130, -signal.SIGINT)
+    assert process.returncode in (130, -number)
     assert not list(tmp_path.glob('*.mp4')) and not list(tmp_path.glob('*.png'))
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
-    assert shared and not any(one.exists() for one in shared)
+    # How each process ended is in the errors, if it didn't end well.
+    assert shared and not any(one.exists() for one in shared), errors
 
 
 def test_interrupted_while_it_loads(repository, tmp_path):

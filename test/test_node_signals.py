@@ -1,10 +1,16 @@
 """Ending the node."""
 
+import os
+import shutil
 import signal
+import subprocess
+import sys
 import time
 
 from node_harness import Client, NodeProcess, PATIENCE, Scene, STEP
 import pytest
+from shared_segments import segments
+from vtrack_ros.dds import SHARED_MEMORY
 
 #: The last one is a closed terminal's.
 ENDING = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
@@ -49,3 +55,37 @@ def test_who_was_started_by_nohup_outlives_the_terminal():
         client.play(scene, range(3))
         process.process.send_signal(signal.SIGHUP)
         client.play(scene, range(3, 6))
+
+
+@pytest.fixture
+def hanging(tmp_path):
+    """Return an environment in which the middleware never lets go of a node."""
+    if not shutil.which('cc'):
+        pytest.skip('needs a C compiler')
+    library = tmp_path / 'hanging.so'
+    source = 'int rmw_destroy_node(void *node) { for (;;) (void) node; }'
+    subprocess.run(['cc', '-shared', '-fPIC', '-x', 'c', '-', '-o', library], input=source,
+                   text=True, check=True)
+    return {**os.environ, 'LD_PRELOAD': str(library)}
+
+
+@pytest.mark.parametrize('program, code', [
+    (['ros.main'], 0), (['cli.command_line', 'play', 'bags/face_fast'], 128 + signal.SIGINT)],
+    ids=['node', 'player'])
+def test_a_middleware_that_hangs_does_not_keep_it(hanging, repository, program, code):
+    """Fast DDS may never end a participant: the process ends, and leaves no memory behind."""
+    process = subprocess.Popen(
+        [sys.executable, '-m', f'vtrack_ros.{program[0]}', *program[1:]], cwd=repository,
+        env=hanging, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        # The first line says that it runs.
+        process.stdout.readline()
+        shared = segments([process.pid])
+        process.send_signal(signal.SIGINT)
+        output = process.communicate(timeout=PATIENCE)[0]
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == code and 'Traceback' not in output, output
+    assert shared and not any(one.exists() for one in shared)
+    assert not any((SHARED_MEMORY / f'{one.name}_el').exists() for one in shared)

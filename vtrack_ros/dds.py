@@ -1,10 +1,15 @@
-"""What DDS reads from the environment: the profile of its shared memory, and the domain."""
+"""What DDS reads from the environment, its shared memory, and how a process leaves it."""
 
 from collections.abc import Mapping
+import ctypes
 import fcntl
 import os
 from pathlib import Path
 import socket
+import sys
+import threading
+from typing import Any
+import warnings
 
 #: What Fast DDS reads the profile's path from: the old and the new name.
 VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
@@ -15,6 +20,10 @@ SHARED_MEMORY = Path('/dev/shm')
 
 _FIRST_PORT = 32768
 _DOMAINS = range(1, 101)
+#: How long a node may take to leave DDS, in seconds: a tenth of one is usual.
+_PATIENCE = 3.0
+#: Nodes that hang in DDS: whoever freed them would hang as well.
+_hanging: list[Any] = []
 
 
 def profile_path() -> Path:
@@ -92,3 +101,55 @@ def reserve_domain() -> socket.socket:
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         return guard
     raise RuntimeError('all DDS domains from 1 to 100 are taken by other processes')
+
+
+def leave(node: Any) -> None:
+    """
+    Destroy a node of rclpy; where DDS doesn't let it go, `end_process` ends it.
+
+    Fast DDS as in the wheels of PyPI never comes back if it hears of another process's departure
+    just as it takes down its participant: its `set_listener` waits for the end of that callback,
+    which waits for the mutex that it holds, for a libstdc++ without `pthread_cond_clockwait` can't
+    wait until the end of time. rclpy destroys nodes with Python's lock held, too, so that nothing
+    else would run; so the last step is asked of rcl itself, in another thread.
+    """
+    rcl = ctypes.CDLL('librcl.so', mode=os.RTLD_NOW | os.RTLD_NOLOAD)
+    handle = node.handle
+    # In use, it's not destroyed with what belongs to it.
+    handle.__enter__()
+    node.destroy_node()
+    pointer = ctypes.c_void_p(handle.pointer)
+    rcl.rcl_logging_rosout_fini_publisher_for_node(pointer)
+    last = threading.Thread(target=rcl.rcl_node_fini, args=(pointer,), daemon=True)
+    last.start()
+    last.join(_PATIENCE)
+    if last.is_alive():
+        _hanging.append(node)
+        _give_memory_back()
+    else:
+        # Now there's nothing left to destroy, which rclpy finds strange.
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', RuntimeWarning)
+            handle.__exit__(None, None, None)
+
+
+def end_process(code: int) -> int:
+    """Return an exit code, or exit with it at once if a node hangs in DDS for ever."""
+    if _hanging:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _give_memory_back() -> None:
+    """Remove this process's segments: those whose locks it holds."""
+    for descriptor in Path('/proc/self/fd').iterdir():
+        try:
+            guard = descriptor.readlink()
+        except OSError:
+            # closed since
+            continue
+        if guard.parent == SHARED_MEMORY and guard.name.endswith('_el'):
+            guard.with_name(guard.name.removesuffix('_el')).unlink(missing_ok=True)
+            guard.unlink(missing_ok=True)

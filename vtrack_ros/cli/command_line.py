@@ -15,6 +15,7 @@ import sys
 from typing import NoReturn
 
 from vtrack_ros import __version__
+from vtrack_ros.dds import end_process
 
 _INTERRUPTED = 130
 _PIPE_CLOSED = 141
@@ -54,15 +55,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         code = _run(words)
         sys.stdout.flush()
-        return code
     except SystemExit as stop:
-        return int(stop.code or 0)
+        code = int(stop.code or 0)
     except KeyboardInterrupt:
-        return _INTERRUPTED
+        code = _INTERRUPTED
     except BrokenPipeError:
         # What's still in the buffer has nowhere to go, and must not be tried again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return _PIPE_CLOSED
+        code = _PIPE_CLOSED
+    return end_process(code)
 
 
 def _run(words: list[str]) -> int:

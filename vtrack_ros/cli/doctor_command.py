@@ -9,6 +9,7 @@ from vtrack_ros.cli import installation
 from vtrack_ros.cli.arguments import duration
 from vtrack_ros.cli.installation import Finding
 from vtrack_ros.cli.load_ros import load_rclpy
+from vtrack_ros.dds import leave
 
 EXAMPLES = """examples:
   vtrack doctor
@@ -72,7 +73,7 @@ def _findings(seconds: float) -> Iterator[Finding]:
                           'one runs: is its ROS_DOMAIN_ID the same?')
     finally:
         executor.shutdown()
-        node.destroy_node()
+        leave(node)
         rclpy.try_shutdown(context=context)
 
 

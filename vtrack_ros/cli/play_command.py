@@ -11,6 +11,7 @@ from vtrack_ros.bags.player import Pace, Played, Player, StopRequest
 from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
+from vtrack_ros.dds import leave
 from vtrack_ros.signals import ending_signals
 
 EXAMPLES = """examples:
@@ -67,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
                         stop) as player:
                 _play(player, bag, arguments)
         finally:
-            node.destroy_node()
+            leave(node)
             rclpy.try_shutdown(context=context)
             for number, handler in earlier.items():
                 signal.signal(number, handler)

@@ -4,6 +4,7 @@ import signal
 import sys
 from types import FrameType
 
+from vtrack_ros.dds import end_process
 from vtrack_ros.signals import ending_signals
 
 _SIGNALS = ending_signals()
@@ -25,4 +26,4 @@ if __name__ == '__main__':
         code = main()
     except KeyboardInterrupt:
         code = 130
-    sys.exit(code)
+    sys.exit(end_process(code))

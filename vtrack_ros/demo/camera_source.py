@@ -10,6 +10,7 @@ import time
 
 import cv2
 
+from vtrack_ros.dds import end_process, leave
 from vtrack_ros.frame import Frame
 from vtrack_ros.signals import ending_signals
 
@@ -76,9 +77,9 @@ def main(source: str) -> int:
         publisher.publish(message)
         if ended:
             break
-    node.destroy_node()
+    leave(node)
     rclpy.try_shutdown()
-    return 0
+    return end_process(0)
 
 
 if __name__ == '__main__':

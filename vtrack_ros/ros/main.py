@@ -6,8 +6,9 @@ from importlib import import_module
 import os
 import signal
 import sys
+from types import FrameType
 
-from vtrack_ros.dds import receiving_profile
+from vtrack_ros.dds import end_process, leave, receiving_profile
 from vtrack_ros.signals import ending_signals
 
 _SIGNALS = ending_signals()
@@ -69,7 +70,7 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
     import cv2
     from rclpy.clock import Clock, ClockType
     from rclpy.exceptions import ParameterException
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.impl.implementation_singleton import rclpy_implementation as rcl
     import rclpy.utilities
 
@@ -77,6 +78,10 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
     cv2.setNumThreads(1)
     # An executor that a signal finds half made complains when it's taken down.
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    # From here on ROS hears them, all but a closed terminal: an exception amidst ROS's own code
+    # would come out as another one, or be lost.
+    for number in _SIGNALS:
+        signal.signal(number, _leave_to_ros)
     try:
         rclpy.init(args=words)
         executor = SingleThreadedExecutor()
@@ -96,6 +101,8 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
         try:
             node = getattr(import_module(f'vtrack_ros.ros.{module}'), kind)()
         except (ParameterException, rcl.RCLError, TypeError, ValueError) as error:
+            if not rclpy.ok():
+                raise
             print('tracker:', *str(error).split(), file=sys.stderr)
             return 2
         # What is there now stays: a collector that looks through it all again stops the node for
@@ -109,26 +116,32 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
         while rclpy.ok():
             try:
                 executor.spin()
-            except (KeyboardInterrupt, ExternalShutdownException):
-                break
             except Exception as error:
                 # A request that rclpy itself can't read ends in an exception here; a robot's
-                # node must outlive it. After a shutdown it's only the way out.
-                if rclpy.ok():
-                    node.get_logger().error(f'{type(error).__name__}: {error}',
-                                            throttle_duration_sec=2.0)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+                # node must outlive it.
+                if not rclpy.ok():
+                    raise
+                node.get_logger().error(f'{type(error).__name__}: {error}',
+                                        throttle_duration_sec=2.0)
+    except Exception:
+        # After a shutdown, an exception is only the way out.
+        if rclpy.ok():
+            raise
     finally:
         # A second signal must not turn a clean end into a traceback.
         for number in _SIGNALS:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
-            node.destroy_node()
+            leave(node)
         # the signal's own thread may end the context between rclpy's look at it and its call
         with suppress(rcl.RCLError):
             rclpy.try_shutdown()
-    return 0
+    return end_process(0)
+
+
+def _leave_to_ros(number: int, _: FrameType | None) -> None:
+    if number == signal.SIGHUP:
+        signal.raise_signal(signal.SIGTERM)
 
 
 def _explained(text: str) -> str:

@@ -16,8 +16,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from vision_msgs.msg import Detection2DArray
 
+from vtrack_ros.dds import leave
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
+from vtrack_ros.signals import ending_signals
 from vtrack_ros.tracker import Estimate, TrackState
 
 #: How many particles of a frame are kept.
@@ -61,8 +63,9 @@ class Recorder:
     def __enter__(self) -> Recorder:
         """Subscribe."""
         self._context = Context()
-        # Ctrl-C amidst the making of a message would come out as another error.
-        self._earlier = signal.signal(signal.SIGINT, self._interrupt)
+        # An exception amidst the making of a message would come out as another one.
+        self._earlier = {number: signal.signal(number, self._interrupt)
+                         for number in ending_signals()}
         rclpy.init(args=[], context=self._context,
                    signal_handler_options=rclpy.SignalHandlerOptions.NO)
         self._node = rclpy.create_node('recorder', context=self._context)
@@ -78,8 +81,9 @@ class Recorder:
 
     def __exit__(self, *_: object) -> None:
         """Leave ROS."""
-        signal.signal(signal.SIGINT, self._earlier)
-        self._node.destroy_node()
+        for number, handler in self._earlier.items():
+            signal.signal(number, handler)
+        leave(self._node)
         rclpy.try_shutdown(context=self._context)
 
     @property

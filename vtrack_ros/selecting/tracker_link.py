@@ -19,6 +19,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 from vision_msgs.msg import Detection2D
 
+from vtrack_ros.dds import leave
 from vtrack_ros.geometry import Box
 from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
@@ -158,7 +159,7 @@ class TrackerLink:
         self._executor.shutdown()
         rclpy.try_shutdown(context=self._context)
         self._observer.destroy()
-        self._node.destroy_node()
+        leave(self._node)
 
     @staticmethod
     def _publish(publisher: Any, message: Any) -> None:
