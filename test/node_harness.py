@@ -23,7 +23,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image
 from vision_msgs.msg import BoundingBox2D, Detection2DArray
 
-from vtrack_ros.dds import with_profile
+from vtrack_ros.dds import leave, with_profile
 from vtrack_ros.geometry import Box
 
 # Whoever sends images needs the profile as well; Fast DDS reads this with the first context.
@@ -296,7 +296,7 @@ class Client:
     def __exit__(self, *_: object) -> None:
         """Take everything down."""
         self.executor.shutdown()
-        self.node.destroy_node()
+        leave(self.node)
         rclpy.try_shutdown(context=self.context)
 
 

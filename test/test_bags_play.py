@@ -25,7 +25,7 @@ from std_msgs.msg import Header  # noqa: E402
 
 from vtrack_ros.bags import BagReader, messages  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
-from vtrack_ros.dds import VARIABLES  # noqa: E402
+from vtrack_ros.dds import leave, VARIABLES  # noqa: E402
 from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
 
 PATIENCE = 30.0
@@ -63,7 +63,7 @@ class Listener:
     def __exit__(self, *_):
         """Take the node down."""
         self.executor.shutdown()
-        self.node.destroy_node()
+        leave(self.node)
         rclpy.try_shutdown(context=self.context)
 
 
