@@ -44,6 +44,9 @@ _MEASURED_EVERY, _TURNING = 4, 0.03
 _FAR = 0.4
 #: Share of the usual response that makes a factor of e in the likelihood.
 _TEMPERATURE = 0.07
+#: After so many frames maxima that are less probable by less than so many factors of e are compared
+#: with the initial template: by a power of the likeness, which is at least so much.
+_GAP, _PROBABLE, _LOOK, _UNLIKE = 8, 4.0, 3.0, 0.1
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
 
@@ -75,8 +78,8 @@ class GuidedSearch:
     and all around are searched too; where it's low the camera may have been jerked, so its motion
     is measured again, farther and beside the target. Of the maxima that are found in all of them
     that one is believed whose response and whose place are the most probable together: the
-    target's double answers as well, but isn't where the target has to be. Doubles are followed
-    too, and maxima where one of those is expected aren't the target; while one passes before it,
+    target's double answers as well, but isn't where the target has to be. After a gap, when that
+    says little, the initial template has a say. Doubles are followed too, and maxima where one of those is expected aren't the target; while one passes before it,
     it goes on as expected. The flow of the target's own points has a say as well: before it's
     searched it has grown and turned as they did, and where it would be found far from where it's
     expected, but they went elsewhere together, it's there.
@@ -123,7 +126,7 @@ class GuidedSearch:
         every = sorted(((place, response, value) for response in maps
                         for place, value in maxima(response, _DISTRACTING)),
                        key=lambda each: -each[2])[:_MAXIMA]
-        found = self._identified(maps[0], every, expected, dt)
+        found = self._identified(frame, maps[0], every, expected, dt)
         self._found = self._confirmed(frame, found, expected)
         if target.network is None:
             self._follow_distractors(frame, every, dt)
@@ -224,15 +227,15 @@ class GuidedSearch:
                 places.append(place)
         return places[1:]
 
-    def _identified(self, response: ResponseMap, every: list[Maximum], expected: Point,
-                    dt: float) -> Found:
+    def _identified(self, frame: Frame, response: ResponseMap, every: list[Maximum],
+                    expected: Point, dt: float) -> Found:
         """Return the target among maxima, or where it's expected while a distractor hides it."""
         side = self._side
         theirs = [] if dt > _LONG else self._distractors.near(expected, _NEAR * side, dt)
         if not theirs:
             self._hidden = 0.0
-            return self._chosen(
-                [each for each in every if each[2] >= share_of(each[1].peak, _CANDIDATE)], dt)
+            return self._chosen(frame, [
+                each for each in every if each[2] >= share_of(each[1].peak, _CANDIDATE)], dt)
         ours: list[Maximum] = []
         others: list[Maximum] = []
         for each in strong(every, _DISTRACTING):
@@ -247,9 +250,10 @@ class GuidedSearch:
             if self._hidden <= _HIDDEN:
                 return Found(response, expected, contested=True, hidden=True)
             self._distractors.forget(expected, _NEAR * side, dt)
-        return replace(self._chosen(strong(ours or every, _CANDIDATE), dt), contested=True)
+        return replace(
+            self._chosen(frame, strong(ours or every, _CANDIDATE), dt), contested=True)
 
-    def _chosen(self, every: list[Maximum], dt: float) -> Found:
+    def _chosen(self, frame: Frame, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""
         if len(every) == 1:
             return Found(every[0][1], every[0][0])
@@ -259,6 +263,11 @@ class GuidedSearch:
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
         scores += self._mixture.log_density(places, self._forecasts, side, dt)
+        if dt > _GAP and self._target.network is None:
+            probable = scores > scores.max() - _PROBABLE
+            likeness = [self._target.likeness(frame, place) if each else 0.0
+                        for place, each in zip(places, probable)]
+            scores += _LOOK * np.log(np.maximum(likeness, _UNLIKE))
         place, response, _ = found[int(scores.argmax())]
         return Found(response, place)
 
