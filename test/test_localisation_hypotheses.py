@@ -1,5 +1,6 @@
 """Two models of one target, and a search that's guided by forecasts."""
 
+import cv2
 from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
@@ -55,6 +56,32 @@ def test_a_target_that_the_camera_follows_is_kept(name, kept):
     tracker.start(images[0], box)
     overlap = [tracker.update(image).box.iou(box) for image in images[1:]][-1]
     assert (overlap > 0.5) is kept
+
+
+def turned_while_away(seed):
+    """Return two frames of a reddish figure that turns as the camera goes along, and its box."""
+    rng = np.random.default_rng(seed)
+    ground = np.kron(rng.integers(40, 200, (30, 60, 3), np.uint8), np.ones((8, 8, 1), np.uint8))
+    spots = np.kron(rng.integers(0, 60, (8, 8, 3), np.uint8), np.ones((6, 6, 1), np.uint8))
+    colour = np.array([10, 20, 190], np.uint8) + spots
+    y, x = np.mgrid[:48, :48] - 23.5
+    disc, images = np.hypot(x, y) < 24, []
+    for shift, bars in ((0, (np.abs(x - y) < 12) | (np.abs(x + y) < 12)),
+                        (40, (np.abs(x) < 10) | (np.abs(y) < 10))):
+        image = ground[:, shift:shift + 320].copy()
+        image[100:148, 140:188][disc & bars] = colour[disc & bars]
+        images.append(cv2.GaussianBlur(image, (0, 0), 1))
+    return *images, Box(140, 100, 48, 48)
+
+
+@pytest.mark.parametrize('name', ['gmpf', 'pqkpf', 'abmspf', 'appf', 'pf'])
+@pytest.mark.parametrize('seed', range(1, 4))
+def test_after_a_gap_the_target_is_what_looks_like_it(name, seed):
+    """The ground that was learned with it answers as well, and is where a forecast has it."""
+    before, after, box = turned_while_away(seed)
+    tracker = create_tracker(name, seed=0)
+    tracker.start(before, box)
+    assert tracker.update(after, 20.0).box.iou(box) > 0.5
 
 
 def test_no_frame_measures_two_sizes(monkeypatch):
