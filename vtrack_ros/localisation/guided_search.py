@@ -44,9 +44,9 @@ _MEASURED_EVERY, _TURNING = 4, 0.03
 _FAR = 0.4
 #: Share of the usual response that makes a factor of e in the likelihood.
 _TEMPERATURE = 0.07
-#: After so many frames maxima that are less probable by less than so many factors of e are compared
-#: with the initial template: by a power of the likeness, which is at least so much.
-_GAP, _PROBABLE, _LOOK, _UNLIKE = 8, 4.0, 3.0, 0.1
+#: After so many frames so many maxima, the most probable ones, are compared with the initial
+#: template: the likeness, at least so much, counts with a power.
+_GAP, _COMPARED, _UNLIKE, _LOOK = 8, 6, 0.1, 3.0
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
 
@@ -79,10 +79,11 @@ class GuidedSearch:
     is measured again, farther and beside the target. Of the maxima that are found in all of them
     that one is believed whose response and whose place are the most probable together: the
     target's double answers as well, but isn't where the target has to be. After a gap, when that
-    says little, the initial template has a say. Doubles are followed too, and maxima where one of those is expected aren't the target; while one passes before it,
-    it goes on as expected. The flow of the target's own points has a say as well: before it's
-    searched it has grown and turned as they did, and where it would be found far from where it's
-    expected, but they went elsewhere together, it's there.
+    says little, the initial template has a say. Doubles are followed too, and maxima where one of
+    those is expected aren't the target; while one passes before it, it goes on as expected. The
+    flow of the target's own points has a say as well: before it's searched it has grown and turned
+    as they did, and where it would be found far from where it's expected, but they went elsewhere
+    together, it's there.
     """
 
     _found: Found
@@ -264,10 +265,10 @@ class GuidedSearch:
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
         scores += self._mixture.log_density(places, self._forecasts, side, dt)
         if dt > _GAP and self._target.network is None:
-            probable = scores > scores.max() - _PROBABLE
-            likeness = [self._target.likeness(frame, place) if each else 0.0
-                        for place, each in zip(places, probable)]
-            scores += _LOOK * np.log(np.maximum(likeness, _UNLIKE))
+            likeness = np.full(len(found), _UNLIKE)
+            for index in np.argsort(-scores)[:_COMPARED]:
+                likeness[index] = max(_UNLIKE, self._target.likeness(frame, places[index]))
+            scores += _LOOK * np.log(likeness)
         place, response, _ = found[int(scores.argmax())]
         return Found(response, place)
 
