@@ -3,7 +3,6 @@
 import argparse
 import json
 from pathlib import Path
-import signal
 import sys
 
 from vtrack_ros.bags import BagReader
@@ -12,7 +11,7 @@ from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
 from vtrack_ros.dds import leave
-from vtrack_ros.signals import ending_signals
+from vtrack_ros.signals import heard_by
 
 EXAMPLES = """examples:
   vtrack play bags/face_fast
@@ -58,20 +57,19 @@ def run(arguments: argparse.Namespace) -> int:
         rclpy = load_rclpy('playing')
         # Until ROS is down again, a signal ends the player between two messages, after a last
         # word; another one must not leave shared memory behind.
-        earlier = {number: signal.signal(number, end) for number in ending_signals()}
-        context = rclpy.context.Context()
-        # ROS would read our arguments as its own, and rename topics once more.
-        rclpy.init(args=[], context=context, signal_handler_options=rclpy.SignalHandlerOptions.NO)
-        node = rclpy.create_node('vtrack_play', context=context)
-        try:
-            with Player(node, bag, arguments.topic, dict(arguments.remap), arguments.qos,
-                        stop) as player:
-                _play(player, bag, arguments)
-        finally:
-            leave(node)
-            rclpy.try_shutdown(context=context)
-            for number, handler in earlier.items():
-                signal.signal(number, handler)
+        with heard_by(end):
+            context = rclpy.context.Context()
+            # ROS would read our arguments as its own, and rename topics once more.
+            rclpy.init(args=[], context=context,
+                       signal_handler_options=rclpy.SignalHandlerOptions.NO)
+            node = rclpy.create_node('vtrack_play', context=context)
+            try:
+                with Player(node, bag, arguments.topic, dict(arguments.remap), arguments.qos,
+                            stop) as player:
+                    _play(player, bag, arguments)
+            finally:
+                leave(node)
+                rclpy.try_shutdown(context=context)
     return 128 + caught[0] if caught and not arguments.loop else 0
 
 

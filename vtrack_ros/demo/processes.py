@@ -1,7 +1,6 @@
 """The demo's processes: a node, a player, and a recorder in this one."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 import json
 from pathlib import Path
 import signal
@@ -10,7 +9,7 @@ import sys
 import time
 
 from vtrack_ros.ros.recorder import Answer, Recorder
-from vtrack_ros.signals import ending_signals
+from vtrack_ros.signals import heard_by
 
 #: How long a process may take to start or to end, in seconds.
 PATIENCE = 30.0
@@ -94,24 +93,14 @@ def end_all(children: Sequence[Child]) -> None:
 
     What is wrong with an end goes to the standard error, unless it was told before.
     """
-    with _undisturbed():
+    # who is told twice must still end all
+    with heard_by(lambda *_: None):
         for child in children:
             child.terminate()
         deadline = time.monotonic() + LAST_WORDS
         for child in children:
             if wrong := child.kill(max(0.0, deadline - time.monotonic())):
                 print(wrong, file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Hear no signal meanwhile: who is told twice must still end all."""
-    earlier = {number: signal.signal(number, lambda *_: None) for number in ending_signals()}
-    try:
-        yield
-    finally:
-        for number, handler in earlier.items():
-            signal.signal(number, handler)
 
 
 def run(node: Sequence[str], player: Sequence[str], folder: Path,

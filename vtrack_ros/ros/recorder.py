@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-import signal
 import time
 from typing import Any
 
@@ -19,7 +18,7 @@ from vision_msgs.msg import Detection2DArray
 from vtrack_ros.dds import leave
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
-from vtrack_ros.signals import ending_signals
+from vtrack_ros.signals import heard_by
 from vtrack_ros.tracker import Estimate, TrackState
 
 #: How many particles of a frame are kept.
@@ -64,8 +63,8 @@ class Recorder:
         """Subscribe."""
         self._context = Context()
         # An exception amidst the making of a message would come out as another one.
-        self._earlier = {number: signal.signal(number, self._interrupt)
-                         for number in ending_signals()}
+        self._signals = heard_by(self._interrupt)
+        self._signals.__enter__()
         rclpy.init(args=[], context=self._context,
                    signal_handler_options=rclpy.SignalHandlerOptions.NO)
         self._node = rclpy.create_node('recorder', context=self._context)
@@ -81,8 +80,7 @@ class Recorder:
 
     def __exit__(self, *_: object) -> None:
         """Leave ROS."""
-        for number, handler in self._earlier.items():
-            signal.signal(number, handler)
+        self._signals.__exit__(None, None, None)
         leave(self._node)
         rclpy.try_shutdown(context=self._context)
 
