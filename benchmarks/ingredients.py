@@ -23,7 +23,7 @@ from result_files import facts_text, interval_text
 from sequences import interval
 from shared_sequences import folder_sequences, half_of, HALVES, options
 
-from vtrack_ros.appearance.image_motion import CameraMotion, GroundMotion, TargetMotion
+from vtrack_ros.appearance.image_motion import SparsePicture, TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.metrics import overlaps, success_auc
@@ -46,7 +46,7 @@ KINDS = {'plain': 1.0, 'gaps': 10.0, 'jumps': 3.0, 'shake': 0.6, 'roll': 30.0, '
 ALL = 'all of them'
 
 _search, _forecast, _update = GuidedSearch.search, GuidedSearch._forecast, Redetection.update
-_step = GroundMotion.step
+_step = SparsePicture.ground_step
 
 
 def _without_own(self: Any, frame: Any, dt: float, own: Any = None) -> Any:
@@ -58,8 +58,8 @@ def _staying_or_own(self: Any, dt: float, own: Any) -> Any:
     return {name: place for name, place in every.items() if name in (STAYING, 'own')}
 
 
-def _near(self: Any, target: Any, far: bool = False) -> Any:
-    return None if far else _step(self, target)
+def _near(self: Any, later: Any, target: Any, far: bool = False) -> Any:
+    return None if far else _step(self, later, target)
 
 
 def _of_leader(self: Any, *values: Any, **named: Any) -> Any:
@@ -77,8 +77,8 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     "the filter's forecast": lambda: [patch.object(GuidedSearch, 'search', _without_own)],
     'the other forecasts': lambda: [patch.object(GuidedSearch, '_forecast', _staying_or_own)],
     "the camera's motion": lambda: [
-        patch.object(CameraMotion, 'update', lambda self, frame: None)],
-    "a jerk of the camera's": lambda: [patch.object(GroundMotion, 'step', _near)],
+        patch.object(SparsePicture, 'camera_step', lambda self, later: None)],
+    "a jerk of the camera's": lambda: [patch.object(SparsePicture, 'ground_step', _near)],
     'motion among candidates': lambda: [patch.object(
         ForecastMixture, 'log_density', lambda self, places, *_: np.zeros(len(places)))],
     'more windows': lambda: [patch.object(guided_search, '_LOW', -math.inf),

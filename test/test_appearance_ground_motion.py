@@ -5,7 +5,7 @@ from drawn_video import texture
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.image_motion import GroundMotion
+from vtrack_ros.appearance.image_motion import SparsePicture
 from vtrack_ros.geometry import Box
 
 SCENE = texture((800, 1000), [(40, 60, 80), (200, 190, 180), (120, 90, 160)], 25,
@@ -32,9 +32,7 @@ def pasted(background, thing, x, y):
 
 def measured(first, second, target, far=False):
     """Return the ground's step from one picture to another."""
-    ground = GroundMotion(first)
-    ground.see(second)
-    return ground.step(target, far)
+    return SparsePicture.of(first).ground_step(SparsePicture.of(second), target, far)
 
 
 @pytest.mark.parametrize('x, y', [(0, 0), (3, 1), (12, -7), (-14, 12)])
@@ -47,15 +45,6 @@ def test_a_camera_that_turns_moves_the_ground(x, y, width, height, grey):
         first, second = first[:, :, 0], second[:, :, 0]
     step = measured(first, second, NOWHERE)
     assert step == (pytest.approx(-x, abs=0.4), pytest.approx(-y, abs=0.4))
-
-
-def test_it_is_measured_from_one_frame_to_the_next():
-    """The step isn't the way since the first one."""
-    ground = GroundMotion(view(0, 0))
-    for turn in range(1, 5):
-        ground.see(view(2 * turn, turn))
-        step = ground.step(NOWHERE)
-        assert step == (pytest.approx(-2, abs=0.2), pytest.approx(-1, abs=0.2))
 
 
 def test_what_moves_in_the_picture_is_not_the_ground():

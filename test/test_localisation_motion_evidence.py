@@ -4,6 +4,7 @@ from drawn_video import texture
 import numpy as np
 import pytest
 
+from vtrack_ros.appearance.image_motion import SparsePicture
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
 
@@ -18,11 +19,12 @@ class Walk:
 
     def __init__(self, turns=0):
         self.turns, self.turned, self.x = turns, 0, 300.0
-        self.evidence = MotionEvidence(self.frame(), self.box())
+        self.evidence = MotionEvidence(self.picture(), self.box())
 
-    def frame(self):
+    def picture(self):
         """Return what the camera sees."""
-        return SCENE[20 + self.turned:260 + self.turned, 20 + self.turned:20 + self.turned + WIDTH]
+        start = 20 + self.turned
+        return SparsePicture.of(SCENE[start:start + 240, start:start + WIDTH])
 
     def box(self):
         """Return where the target is in it."""
@@ -34,7 +36,7 @@ class Walk:
         for _ in range(frames):
             self.x += speed * dt
             self.turned += self.turns * dt
-            value = self.evidence.update(self.frame(), self.box(), dt)
+            value = self.evidence.update(self.picture(), self.box(), dt)
         return value
 
 
@@ -85,13 +87,13 @@ def test_who_is_found_elsewhere_moves_as_usual():
     walk.x += 150.0
     walk.evidence.restart()
     assert 0.3 < walk.go(2.0, 1) < 0.5
-    assert walk.go(2.0, 6) > 0.2
+    assert walk.go(2.0, 6) > 0.1
 
 
 def test_where_the_ground_has_no_texture_nothing_is_said():
     """Nobody knows what moves."""
     blank = np.full((240, WIDTH, 3), 120, np.uint8)
-    evidence = MotionEvidence(blank, Box.from_center(100, 120, SIDE, SIDE))
+    evidence = MotionEvidence(SparsePicture.of(blank), Box.from_center(100, 120, SIDE, SIDE))
     for step in range(40):
         box = Box.from_center(100 + 2 * min(step, 20), 120, SIDE, SIDE)
-        assert evidence.update(blank, box, 1.0) == 0
+        assert evidence.update(SparsePicture.of(blank), box, 1.0) == 0

@@ -15,15 +15,13 @@ from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
 
-#: Columns of the sparse grid of pixels that tells of the whole image, at most twice as many.
-_COLUMNS = 64
-#: A grid with fewer rows or columns shows nothing.
+#: Columns of a sparse picture, and of the coarser one in it; at most twice as many.
+_COLUMNS, _COARSE_COLUMNS = 128, 64
+#: A picture with fewer rows or columns shows nothing.
 _SMALLEST = 8
-#: Share of the energy in the correlation's peak below which nothing is known; on the finer grid.
+#: Share of the energy in the correlation's peak below which nothing is known; where it's far.
 _RELIABLE, _FAR_RELIABLE = 0.45, 0.15
 
-#: Columns of the finer grid on which the ground's points are followed, at most twice as many.
-_FINE_COLUMNS = 128
 #: Points of the ground, across and down the image, and those about the target that may be parts of
 #: it: as near as that to its middle, in sides.
 _ACROSS, _DOWN, _TARGETS = 6, 5, 0.65
@@ -59,89 +57,77 @@ _LEAST_TURN, _LARGEST_TURN = 0.005, 0.5
 _TOGETHER, _NEAR = 0.9, 0.1
 
 
-class CameraMotion:
+@dataclass(frozen=True, eq=False)
+class SparsePicture:
     """
-    Measures the shift of the background by phase correlation [Kuglin and Hines 1975].
+    Every so manieth pixel of a frame, which tells how the whole image moved.
 
-    Of every so manieth pixel, so that it costs the same in any frame.
+    Neighbours in `pixels` are `stride` pixels apart in the frame. Any costs the same.
     """
 
-    def __init__(self, frame: Frame) -> None:
-        pixels, self._stride = sparsely(frame, _COLUMNS)
-        self._latest = np.ascontiguousarray(pixels, np.float32)
-        rows, columns = self._latest.shape
-        self._taper = np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
+    pixels: Frame
+    stride: int
 
-    def update(self, frame: Frame) -> Point | None:
-        """Return by how much the picture moved since the last frame, in pixels, or None."""
-        before = self._latest
-        self._latest = np.ascontiguousarray(sparsely(frame, _COLUMNS)[0], np.float32)
+    @classmethod
+    def of(cls, frame: Frame) -> SparsePicture:
+        """Copy some of a frame's pixels; of colours the green."""
+        stride = max(1, frame.shape[1] // _COLUMNS)
+        pixels = frame[::stride, ::stride]
+        return cls(np.ascontiguousarray(pixels[:, :, 1] if pixels.ndim == 3 else pixels), stride)
+
+    def camera_step(self, later: SparsePicture) -> Point | None:
+        """Return the background's step, [px], by phase correlation [Kuglin and Hines 1975]."""
+        (before, stride), (after, _) = self._coarse, later._coarse
         if min(before.shape) < _SMALLEST:
             return None
-        (x, y), reliability = cv2.phaseCorrelate(before, self._latest, self._taper)
-        if reliability < _RELIABLE:
-            return None
-        return x * self._stride, y * self._stride
+        (x, y), reliability = cv2.phaseCorrelate(before, after, _hanning(*before.shape))
+        return (x * stride, y * stride) if reliability >= _RELIABLE else None
 
-
-class GroundMotion:
-    """
-    Measures to a part of a pixel how the ground about a target moved, or says nothing.
-
-    Phase correlation is off by several pixels where much moves in the picture. Here points beside
-    the target are followed [Lucas and Kanade 1981], the ground's where enough of them agree.
-    """
-
-    def __init__(self, frame: Frame) -> None:
-        pixels, self._stride = sparsely(frame, _FINE_COLUMNS)
-        self._before = self._latest = np.ascontiguousarray(pixels)
-        rows, columns = self._latest.shape
-        x, y = ((np.arange(points) + 0.5) / points * side
-                for points, side in ((_ACROSS, columns), (_DOWN, rows)))
-        self._taper = np.sqrt(np.outer(*(
-            np.sin((np.arange(side) + 0.5) / side * np.pi) for side in (rows, columns))))
-        self._points = np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32).reshape(-1, 1, 2)
-
-    def see(self, frame: Frame) -> None:
-        """Take the next frame."""
-        self._before = self._latest
-        self._latest = np.ascontiguousarray(sparsely(frame, _FINE_COLUMNS)[0])
-
-    def step(self, target: Box, far: bool = False) -> Point | None:
+    def ground_step(self, later: SparsePicture, target: Box, far: bool = False) -> Point | None:
         """
-        Return the ground's step between the last two frames, in pixels.
+        Return the ground's step about a target until another picture, in pixels, or None.
 
-        The target was in that box of the former. Points are followed for an eighth of the picture;
-        `far` beyond it, from where phase correlation of the whole picture says, which is believed
-        alone if too few of them are still seen.
+        To a part of a pixel: points beside the target, which was in that box of the frame, are
+        followed [Lucas and Kanade 1981], and the ground's are those where enough of them agree.
+        They are for an eighth of the picture; `far` beyond it, from where phase correlation of the
+        whole picture says, which is believed alone if too few of them are still seen.
         """
-        if min(self._before.shape) < _SMALLEST:
+        if min(self.pixels.shape) < _SMALLEST:
             return None
-        stride = self._stride
+        stride = self.stride
         x, y = (place / stride for place in target.center)
         width, height = (_TARGETS * side / stride for side in (target.width, target.height))
-        away = np.abs(self._points[:, 0] - np.array((x, y), np.float32))
-        points = self._points[(away[:, 0] > width) | (away[:, 1] > height)]
-        step = self._agreed(points, (0.0, 0.0))
+        grid = _ground_points(*self.pixels.shape)
+        away = np.abs(grid[:, 0] - np.array((x, y), np.float32))
+        points = grid[(away[:, 0] > width) | (away[:, 1] > height)]
+        step = self._agreed(later, points, (0.0, 0.0))
         if step is not None or not far:
             return step
-        (x, y), reliability = cv2.phaseCorrelate(
-            self._alone(self._before), self._alone(self._latest))
+        (x, y), reliability = cv2.phaseCorrelate(self._alone, later._alone)
         whole = (x * stride, y * stride) if reliability >= _FAR_RELIABLE else None
-        return self._agreed(points, (x, y)) or whole
+        return self._agreed(later, points, (x, y)) or whole
 
-    def _alone(self, picture: Frame) -> NDArray[np.float32]:
-        """Return a picture with as much of nothing beside it, so that a shift leads out of it."""
-        rows, columns = picture.shape
+    @cached_property
+    def _coarse(self) -> tuple[NDArray[np.float32], int]:
+        """Return every so manieth of the pixels, and the stride in the frame."""
+        every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
+        coarse = np.ascontiguousarray(self.pixels[::every, ::every], np.float32)
+        return coarse, every * self.stride
+
+    @property
+    def _alone(self) -> NDArray[np.float32]:
+        """Return the picture with as much of nothing beside it: a shift leads out of it."""
+        rows, columns = self.pixels.shape
         alone = np.zeros((2 * rows, 2 * columns), np.float32)
-        alone[:rows, :columns] = (picture - picture.mean()) * self._taper
+        alone[:rows, :columns] = (self.pixels - self.pixels.mean()) * _half_sines(rows, columns)
         return alone
 
-    def _agreed(self, points: NDArray[np.float32], about: Point) -> Point | None:
+    def _agreed(self, later: SparsePicture, points: NDArray[np.float32],
+                about: Point) -> Point | None:
         """Return the step that points agree on, [px]; it's looked for about one in samples."""
         if len(points) < _LEAST_POINTS:
             return None
-        there, found = _followed(self._before, self._latest, points, _TEXTURE, about)
+        there, found = _followed(self.pixels, later.pixels, points, _TEXTURE, about)
         steps = (there - points)[found, 0]
         count = len(steps)
         if count < _LEAST_POINTS:
@@ -152,15 +138,27 @@ class GroundMotion:
         alike = steps[(apart[:, 0] < _ALIKE) & (apart[:, 1] < _ALIKE)]
         if len(alike) < max(_LEAST_POINTS, _SHARE * count):
             return None
-        x, y = (alike.sum(axis=0) * (self._stride / len(alike))).tolist()
+        x, y = (alike.sum(axis=0) * (self.stride / len(alike))).tolist()
         return x, y
 
 
-def sparsely(frame: Frame, columns: int) -> tuple[Frame, int]:
-    """Return every so manieth pixel of a frame, at least so many columns, and the stride."""
-    stride = max(1, frame.shape[1] // columns)
-    pixels = frame[::stride, ::stride]
-    return pixels[:, :, 1] if pixels.ndim == 3 else pixels, stride
+@lru_cache(maxsize=8)
+def _hanning(rows: int, columns: int) -> NDArray[np.float32]:
+    return np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _half_sines(rows: int, columns: int) -> NDArray[np.float32]:
+    across, down = (np.sin((np.arange(side) + 0.5) / side * np.pi) for side in (columns, rows))
+    return np.sqrt(np.outer(down, across))
+
+
+@lru_cache(maxsize=8)
+def _ground_points(rows: int, columns: int) -> NDArray[np.float32]:
+    """Return points all over a picture, in samples, shape (N, 1, 2)."""
+    x, y = ((np.arange(points) + 0.5) / points * side
+            for points, side in ((_ACROSS, columns), (_DOWN, rows)))
+    return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float32).reshape(-1, 1, 2)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from vtrack_ros.appearance.image_motion import (
-    CameraMotion, GroundMotion, TargetFlow, TargetMotion)
+from vtrack_ros.appearance.image_motion import SparsePicture, TargetFlow, TargetMotion
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
@@ -90,7 +89,7 @@ class GuidedSearch:
 
     def __init__(self, frame: Frame, target: Hypotheses) -> None:
         self._target = target
-        self._camera, self._ground = CameraMotion(frame), GroundMotion(frame)
+        self._picture = SparsePicture.of(frame)
         #: Of the target's points in the last frame, if it was seen there; what they did since.
         self._flow: TargetFlow | None = self._seen_flow()
         self._motion: TargetMotion | None = None
@@ -102,7 +101,7 @@ class GuidedSearch:
         self._shift: Point | None = None
         self._velocity = self._own_velocity = np.zeros(2)
         self._distractors = Distractors()
-        self._evidence = MotionEvidence(frame, target.box)
+        self._evidence = MotionEvidence(self._picture, target.box)
         #: For so many frames the target has been hidden since a distractor came near.
         self._hidden = 0.0
 
@@ -111,8 +110,8 @@ class GuidedSearch:
         target = self._target
         self._start, self._motion = target.center, None
         self._frames += 1
-        self._shift = self._camera.update(frame)
-        self._ground.see(frame)
+        before, self._picture = self._picture, SparsePicture.of(frame)
+        self._shift = before.camera_step(self._picture)
         self._transform(frame, dt)
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
@@ -120,7 +119,8 @@ class GuidedSearch:
         low = maps[0].peak < _LOW * target.usual_response
         if low:
             box = Box.from_center(*self._start, *target.size)
-            self._forecasts |= self._along('ground', self._ground.step(box, far=True), dt)
+            self._forecasts |= self._along(
+                'ground', before.ground_step(self._picture, box, far=True), dt)
         if low or dt > _LONG:
             others = self._others(frame, expected)[:target.more_windows]
             maps += [target.localise(frame, place) for place in others]
@@ -132,7 +132,8 @@ class GuidedSearch:
         if target.network is None:
             self._follow_distractors(frame, every, dt)
             box = Box.from_center(*self._found.place, *target.size)
-            self._found = replace(self._found, motion=self._evidence.update(frame, box, dt))
+            motion = self._evidence.update(self._picture, box, dt)
+            self._found = replace(self._found, motion=motion)
         return self._found
 
     def follow(self, dt: float, elsewhere: bool) -> None:

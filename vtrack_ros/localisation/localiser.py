@@ -264,9 +264,9 @@ class Localiser:
     def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:
         """Ask the initial template about a place, in pixels, if it's time for it."""
         live = self._live
-        questionable = (self._frames == 1 or self.uncertain or self._similarity < ALWAYS_GOOD
+        questionable = (self.uncertain or self._similarity < ALWAYS_GOOD
                         or response.peak < _QUESTIONABLE_RESPONSE * live.usual_response)
-        if self._frames % _VERIFIED_EVERY == 0 or questionable:
+        if self._frames % _VERIFIED_EVERY == 1 or questionable:
             self._similarity = live.model.credibility(
                 self._template.similarity(window, window.shift(center)), response, center)
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from vtrack_ros.appearance.image_motion import GroundMotion
-from vtrack_ros.frame import Frame
+from vtrack_ros.appearance.image_motion import SparsePicture
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.presence import latest_weight
 
@@ -30,16 +29,16 @@ class MotionEvidence:
     logarithms. A target that has rested for long rests as usual.
     """
 
-    def __init__(self, frame: Frame, target: Box) -> None:
-        self._ground = GroundMotion(frame)
+    def __init__(self, picture: SparsePicture, target: Box) -> None:
         #: Where the target was when the ground was seen last, and for how many frames since.
+        self._picture = picture
         self._before: Box | None = target
         self._since = 0.0
-        self._waiting = 0
+        self._waiting = _EVERY - 1
         #: Frames with a known motion, and the means of the logarithm of their speed.
         self._frames = self._recent = self._usual = 0.0
 
-    def update(self, frame: Frame, target: Box, dt: float) -> float:
+    def update(self, picture: SparsePicture, target: Box, dt: float) -> float:
         """
         Return what is added to the logarithm of the odds for the target's presence.
 
@@ -49,13 +48,13 @@ class MotionEvidence:
         self._waiting += 1
         if self._waiting == _EVERY:
             before, since = self._before, self._since
-            self._ground.see(frame)
-            step = None if before is None else self._ground.step(before)
+            step = None if before is None else self._picture.ground_step(picture, before)
             if before is not None and step is not None:
                 own = (target.center[0] - before.center[0] - step[0],
                        target.center[1] - before.center[1] - step[1])
                 self._learn(math.hypot(*own) / math.sqrt(target.area) / since, since)
-            self._before, self._since, self._waiting = target, 0.0, 0
+            self._picture, self._before = picture, target
+            self._since, self._waiting = 0.0, 0
         return self._value
 
     def restart(self) -> None:
