@@ -13,7 +13,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.affine import transformation
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
-    ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after, unknown_covariance)
+    ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after)
 from vtrack_ros.localisation.redetection import mean_velocity, Redetection
 from vtrack_ros.localisation.search_window import (
     COARSE, FINE, inside, ResponseMap, SearchWindow, WindowLayout)
@@ -26,8 +26,6 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 #: A target that's beyond question is verified in every second frame too; it's questionable where
 #: the response is below this share of the usual one, or where it wasn't always good enough before.
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
-#: Standard deviations of centre and size that no filter knows of, as shares of the mean side.
-_CENTER_ERROR, _SIZE_ERROR = 0.12, 0.10
 #: The least and the largest factor of the first size.
 SMALLEST, LARGEST = 0.2, 5.0
 #: The least that's usual after the first frame: this share of the response to it, and that
@@ -211,17 +209,17 @@ class Localiser:
         """
         Return the estimate; the size is the target's own where none is given.
 
-        No variance is less than what no filter knows: the error of the model itself, which drifts
-        from where the target was pointed out, and of a target that isn't seen.
+        No variance is less than what no filter knows of; see `PresenceDetector.least_covariance`.
         """
         center, angle, size = self.center, self.angle, size or self.size
         box = Box.around_ellipse(center, size, angle)
-        absent = self._presence.absent_frames
-        least = unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, absent)
+        presence = self._presence
+        least = presence.least_covariance(box.area)
         missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
             box=box, angle=angle, covariance=covariance + np.diag(missing),
-            confidence=self._presence.confidence, state=state_after(absent), particles=particles,
+            confidence=presence.confidence, state=state_after(presence.absent_frames),
+            particles=particles,
             affine=transformation(center, size, angle) if angle else None)
 
     def _restart(self, center: Point, size: Point, similarity: float) -> None:

@@ -49,10 +49,13 @@ _SURE = 1.0
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
 #: A target is lost after more frames out of sight than that.
 _LOST_FRAMES = 30
-#: Standard deviations of centre and size, as shares of the target's mean side, in the first frame
-#: out of sight: by then a tracker often is on something else. On real videos, with and without
-#: painted occluders, nine in ten true centres are within 2.2 sides then, and 2.1 to 3.6 later.
-_CENTER_ERROR, _SIZE_ERROR = 1.0, 0.3
+#: Standard deviations of centre and size that no filter knows of, as shares of the target's mean
+#: side: at least, and where it's as likely as not that the target is there.
+_CENTER_ERROR, _SIZE_ERROR, _DOUBTED_ERROR = 0.06, 0.08, 0.3
+#: Those in the first frame out of sight: by then a tracker often is on something else. On real
+#: videos, with and without painted occluders, nine in ten true centres are within 2.2 sides then,
+#: and 2.1 to 3.6 later.
+_ABSENT_CENTER, _ABSENT_SIZE = 1.0, 0.3
 #: The variance of the centre grows by as much again in that many frames.
 _WANDERING_FRAMES = 30
 
@@ -162,6 +165,18 @@ class PresenceDetector:
         """Return how sure it is that the target is where it was localised, in [0, 1]."""
         return logistic(self._said)
 
+    def least_covariance(self, area: float) -> Array:
+        """
+        Return the covariance that no filter knows of, shape (4, 4), [px^2]; of a box of that area.
+
+        The error of the model itself, which drifts from where the target was pointed out, and that
+        of a target that isn't seen (`unknown_covariance`). The less it's like itself the larger it
+        is: its standard deviation goes with the root of the odds against the target.
+        """
+        doubted = _DOUBTED_ERROR * math.exp(-max(self._said, 0.0) / 2)
+        return unknown_covariance(max(_CENTER_ERROR, doubted), max(_SIZE_ERROR, doubted), area,
+                                  self.absent_frames)
+
     def judge(self, similarity: float, sharpness: float, dt: float,
               elsewhere: bool = False, motion: float = 0.0) -> None:
         """
@@ -236,8 +251,8 @@ def unknown_covariance(
     """
     center, size = center_error**2, size_error**2
     if frames:
-        center += _CENTER_ERROR**2 * (1 + frames / _WANDERING_FRAMES)
-        size += _SIZE_ERROR**2
+        center += _ABSENT_CENTER**2 * (1 + frames / _WANDERING_FRAMES)
+        size += _ABSENT_SIZE**2
     covariance = np.zeros((4, 4))
     covariance.flat[::5] = area * center, area * center, area * size, area * size
     return covariance
