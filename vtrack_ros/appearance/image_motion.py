@@ -62,7 +62,7 @@ class SparsePicture:
     """
     Every so manieth pixel of a frame, which tells how the whole image moved.
 
-    Neighbours in `pixels` are `stride` pixels apart in the frame. Any costs the same.
+    Neighbours in `pixels` are `stride` pixels apart in the frame: large ones cost no more.
     """
 
     pixels: Frame

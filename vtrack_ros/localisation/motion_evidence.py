@@ -30,7 +30,7 @@ class MotionEvidence:
     """
 
     def __init__(self, picture: SparsePicture, target: Box) -> None:
-        #: Where the target was when the ground was seen last, and for how many frames since.
+        #: The ground as it was seen last, where the target was then, and how many frames since.
         self._picture = picture
         self._before: Box | None = target
         self._since = 0.0
