@@ -116,13 +116,13 @@ def test_an_unseen_target_may_be_a_side_away_and_farther_later():
 
 @pytest.mark.parametrize('sharpness', [3.2, 4.0, 5.5, 8.0, 20.0])
 def test_who_is_less_like_itself_is_less_sure_to_be_there(sharpness):
-    """The standard deviation is .3 sides times the root of the odds against it, .06 at least."""
+    """The standard deviation is .3 sides times the root of the odds against it, or the least."""
     presence = PresenceDetector()
     for _ in range(30):
         presence.judge(0.15, sharpness, 1.0)
     confidence = presence.confidence
     error = 0.3 * np.sqrt((1 - confidence) / confidence)
-    x, y, width, height = np.sqrt(np.diag(presence.least_covariance(400.0))) / 20
+    x, y, width, height = np.sqrt(np.diag(presence.least_covariance(400.0, 0.06, 0.08))) / 20
     assert x == y == pytest.approx(max(0.06, error))
     assert width == height == pytest.approx(max(0.08, error))
     assert 0.5 < confidence
@@ -134,7 +134,7 @@ def test_who_is_hardly_there_may_be_as_far_away_as_who_is_as_likely_as_not():
     for _ in range(30):
         presence.judge(0.02, 2.0, 1.0)
     expected = unknown_covariance(0.3, 0.3, 400.0, presence.absent_frames)
-    np.testing.assert_allclose(presence.least_covariance(400.0), expected)
+    np.testing.assert_allclose(presence.least_covariance(400.0, 0.1, 0.1), expected)
 
 
 def test_the_threshold_says_what_counts_as_seen():

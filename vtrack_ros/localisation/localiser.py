@@ -48,6 +48,8 @@ class Localiser:
 
     #: So many windows, beside the first one, may be searched in a frame.
     MORE_WINDOWS: ClassVar[int] = 12
+    #: The least standard deviations of centre and size, as shares of the target's mean side.
+    LEAST_ERRORS: ClassVar[tuple[float, float]] = (0.06, 0.08)
     #: What learns the target; one with cues of its own is named by a subclass.
     MODEL: ClassVar[type[TargetModel]] = TargetModel
 
@@ -214,7 +216,7 @@ class Localiser:
         center, angle, size = self.center, self.angle, size or self.size
         box = Box.around_ellipse(center, size, angle)
         presence = self._presence
-        least = presence.least_covariance(box.area)
+        least = presence.least_covariance(box.area, *self.LEAST_ERRORS)
         missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
             box=box, angle=angle, covariance=covariance + np.diag(missing),

@@ -49,9 +49,9 @@ _SURE = 1.0
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
 #: A target is lost after more frames out of sight than that.
 _LOST_FRAMES = 30
-#: Standard deviations of centre and size that no filter knows of, as shares of the target's mean
-#: side: at least, and where it's as likely as not that the target is there.
-_CENTER_ERROR, _SIZE_ERROR, _DOUBTED_ERROR = 0.06, 0.08, 0.3
+#: Standard deviation of centre and size, as a share of the target's mean side, where it's as
+#: likely as not that the target is there.
+_DOUBTED_ERROR = 0.3
 #: Those in the first frame out of sight: by then a tracker often is on something else. On real
 #: videos, with and without painted occluders, nine in ten true centres are within 2.2 sides then,
 #: and 2.1 to 3.6 later.
@@ -165,16 +165,17 @@ class PresenceDetector:
         """Return how sure it is that the target is where it was localised, in [0, 1]."""
         return logistic(self._said)
 
-    def least_covariance(self, area: float) -> Array:
+    def least_covariance(self, area: float, center_error: float, size_error: float) -> Array:
         """
-        Return the covariance that no filter knows of, shape (4, 4), [px^2]; of a box of that area.
+        Return the covariance that no filter knows of, shape (4, 4), [px^2], of a box of that area.
 
         The error of the model itself, which drifts from where the target was pointed out, and that
-        of a target that isn't seen (`unknown_covariance`). The less it's like itself the larger it
-        is: its standard deviation goes with the root of the odds against the target.
+        of a target that isn't seen (`unknown_covariance`). It's at least that of the errors given,
+        in mean sides, and the larger the less the target is like itself: the standard deviation
+        goes with the root of the odds against it.
         """
         doubted = _DOUBTED_ERROR * math.exp(-max(self._said, 0.0) / 2)
-        return unknown_covariance(max(_CENTER_ERROR, doubted), max(_SIZE_ERROR, doubted), area,
+        return unknown_covariance(max(center_error, doubted), max(size_error, doubted), area,
                                   self.absent_frames)
 
     def judge(self, similarity: float, sharpness: float, dt: float,
