@@ -277,14 +277,15 @@ def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
             assert np.sqrt(covariance.diagonal()[:2]).max() < 3 * max(SIZE)
 
 
+@pytest.mark.parametrize('seed', [1, 4, 6, 10])
 @pytest.mark.parametrize('pause', [5, 10, 20])
 @pytest.mark.parametrize('name', [
     name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])
-def test_a_target_found_after_a_pause_is_as_certain_as_before(name, pause):
+def test_a_target_found_after_a_pause_is_as_certain_as_before(name, pause, seed):
     """What is forecast over it is wide; but the target has been seen since."""
     path = straight(9 + pause, (2.0, 0.0))
     video = DrawnVideo()
-    tracker = create_tracker(name, seed=1)
+    tracker = create_tracker(name, seed=seed)
     tracker.start(video.frame(path[0]), box_at(path[0]))
     for center in path[1:9]:
         before = tracker.update(video.frame(center))

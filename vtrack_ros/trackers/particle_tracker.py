@@ -25,7 +25,7 @@ _OTHER_SIZE = 0.1
 #: Particles whose mean is further than that from the target, in sides, are carried to it.
 _CARRIED = 0.25
 #: Particles whose mean response is below this share of the target's have missed it.
-_MISSED = 0.5
+_MISSED = 0.8
 #: Standard deviations of place and velocity at the start, as shares of the mean side.
 _START = np.array([0.03, 0.03, 0.05, 0.05])
 
