@@ -47,6 +47,13 @@ def test_a_camera_that_turns_moves_the_ground(x, y, width, height, grey):
     assert step == (pytest.approx(-x, abs=0.4), pytest.approx(-y, abs=0.4))
 
 
+def test_it_is_measured_from_one_frame_to_the_next():
+    """The step isn't the way since the first one."""
+    for turn in range(1, 5):
+        step = measured(view(2 * (turn - 1), turn - 1), view(2 * turn, turn), NOWHERE)
+        assert step == (pytest.approx(-2, abs=0.2), pytest.approx(-1, abs=0.2))
+
+
 def test_what_moves_in_the_picture_is_not_the_ground():
     """A camera that rests does so to a tenth of a pixel, while a third of the picture moves."""
     background, thing = view(0, 0), patch(160, 160)

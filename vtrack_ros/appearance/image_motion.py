@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow, turned
-from vtrack_ros.frame import Frame, Point
+from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 
 #: Columns of a sparse picture, and of the coarser one in it; at most twice as many.
@@ -148,9 +148,10 @@ def _hanning(rows: int, columns: int) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=8)
-def _half_sines(rows: int, columns: int) -> NDArray[np.float32]:
+def _half_sines(rows: int, columns: int) -> Array:
     across, down = (np.sin((np.arange(side) + 0.5) / side * np.pi) for side in (columns, rows))
-    return np.sqrt(np.outer(down, across))
+    root: Array = np.sqrt(np.outer(down, across))
+    return root
 
 
 @lru_cache(maxsize=8)

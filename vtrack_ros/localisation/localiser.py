@@ -23,8 +23,8 @@ from vtrack_ros.tracker import Estimate
 #: The scale changes slowly: it's measured and updated in every fourth frame, and in the frame
 #: after one in which it changed by this logarithm; colours in every second one.
 _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
-#: A target that's beyond question is verified in every second frame too; it's questionable where
-#: the response is below this share of the usual one, or where it wasn't always good enough before.
+#: A target that's beyond question is verified in every second frame, between those with sizes;
+#: it's questionable below this share of the usual response, or if it wasn't always good enough.
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
 #: The least and the largest factor of the first size.
 SMALLEST, LARGEST = 0.2, 5.0

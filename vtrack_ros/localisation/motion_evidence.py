@@ -8,7 +8,7 @@ from vtrack_ros.appearance.image_motion import SparsePicture
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.presence import latest_weight
 
-#: The motion is measured over so many frames.
+#: The motion is measured over so many frames, from the first on: not where size and flow are.
 _EVERY = 2
 #: A speed is told from rest from this on, [sides a frame], and no faster than that; the weights of
 #: a frame in the running means, recent and usual, and after how many frames those are known.
