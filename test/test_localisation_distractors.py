@@ -17,13 +17,13 @@ SIDE = math.sqrt(math.prod(TARGET))
 REACH = 0.75 * SIDE
 
 
-def passing(frames, step=8.0, likeness=1.0):
+def passing(frames, step=8.0):
     """Return distractors, and where the last one was seen, that came nearer in so many frames."""
     distractors, place = Distractors(), (0.0, 0.0)
     for index in range(frames):
         place = START[0] + 80.0 - step * index, START[1]
         distractors.update([place], START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda _: likeness)
+        distractors.compare(START, SIDE, lambda _: 1.0)
     return distractors, place
 
 
@@ -36,11 +36,14 @@ def test_what_came_from_elsewhere_goes_on_when_the_two_have_met():
         distractors.update([], START, SIDE, 1.0)
 
 
-@pytest.mark.parametrize('frames, likeness', [(8, 0.3), (2, 1.0)])
-def test_what_looks_otherwise_or_was_seen_once_is_no_distractor(frames, likeness):
+@pytest.mark.parametrize('frames, likeness, expected', [(8, 1.0, 1), (8, 0.3, 0), (1, 1.0, 0)])
+def test_what_looks_otherwise_or_was_seen_once_is_no_distractor(frames, likeness, expected):
     """Most maxima of a response are of nothing that's mistaken for the target."""
-    distractors, _ = passing(frames, 20.0 if frames == 2 else 8.0, likeness)
-    assert distractors.near(START, REACH, 1.0) == []
+    distractors, place = Distractors(), (START[0] + 30.0, START[1])
+    for _ in range(frames):
+        distractors.update([place], START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda _: likeness)
+    assert len(distractors.near(START, REACH, 1.0)) == expected
 
 
 def test_the_target_itself_is_no_distractor():
@@ -61,14 +64,15 @@ def test_who_is_out_of_sight_for_long_is_forgotten():
     assert distractors.near(START, 100 * SIDE, 1.0) == []
 
 
-def meeting(seed, velocity=0.0, below=6, frames=44):
+def meeting(seed, velocity=0.0, below=6, speed=4):
     """Return frames, and the places, of a target whose double comes the other way, in front."""
     video = DrawnVideo(seed=seed)
     width, height = TARGET
+    frames = round(176 / speed)
     for index in range(frames):
         center = START[0] + velocity * (index - frames / 2), START[1]
         frame = video.frame(center)
-        x, y = round(START[0] + (4 - velocity) * (frames / 2 - index)), round(START[1] + below)
+        x, y = round(START[0] + (speed - velocity) * (frames / 2 - index)), round(START[1] + below)
         double = video.frame((x, y))
         rows = slice(y - height // 2, y + height // 2)
         columns = slice(max(0, x - width // 2), x + width // 2)
@@ -94,6 +98,20 @@ def test_a_double_that_passes_in_front_is_not_followed(name, velocity):
             estimate = tracker.update(frame)
         kept += estimate.box.iou(box_at(center)) > 0.7
         assert estimate.state is TrackState.TRACKING
+    assert kept >= 5
+
+
+@pytest.mark.parametrize('speed', [2, 6])
+@pytest.mark.parametrize('name', ['gmpf', 'pf'])
+def test_neither_a_slow_double_nor_a_fast_one_is_followed(name, speed):
+    """A slow one hides the target for long, a fast one is seen apart from it in few frames."""
+    kept = 0
+    for seed in range(6):
+        frames = meeting(seed, below=0, speed=speed)
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(next(frames)[0], box_at(START))
+        boxes = [tracker.update(frame).box for frame, _ in frames]
+        kept += boxes[-1].iou(box_at(START)) > 0.7
     assert kept >= 5
 
 

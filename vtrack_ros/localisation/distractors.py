@@ -15,7 +15,7 @@ _AWAY, _LINKED = 0.4, 0.3
 _VELOCITY_RATE = 0.5
 #: A distractor is compared with the target when it has been found in so many frames, and again
 #: after as many; it looks like it from this share of the target's usual similarity on.
-_KNOWN, _ALIKE = 3, 0.6
+_KNOWN, _ALIKE = 2, 0.6
 #: It's forgotten when it hasn't been found for so many frames; before it's known, after one.
 _FORGOTTEN = 12
 #: As many are followed at most.

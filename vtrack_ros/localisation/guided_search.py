@@ -34,7 +34,7 @@ _DISTRACTING, _APART_FROM = 0.45, 0.2
 #: Distractors as near as that to the target, in sides, may be taken for it; nearer than that one
 #: hides it if only one of them is seen, within a distance from where it's expected, for so many
 #: frames at most.
-_NEAR, _MEETING, _SEEN, _HIDDEN = 0.75, 0.35, 0.3, 8
+_NEAR, _MEETING, _SEEN, _HIDDEN = 0.75, 0.35, 0.3, 12
 #: Growth and rotation are measured in every so manieth frame, in turns with the scale regression,
 #: and in as many frames after one in which the target grew, or turned by more than that, [rad].
 _MEASURED_EVERY, _TURNING = 4, 0.03
