@@ -242,6 +242,11 @@ def state_after(frames: float) -> TrackState:
     return TrackState.LOST if frames > _LOST_FRAMES else TrackState.SEARCHING
 
 
+def absent_error(frames: float) -> float:
+    """Return the centre's standard deviation after so many frames out of sight, [mean sides]."""
+    return _ABSENT_CENTER * math.sqrt(1 + frames / _WANDERING_FRAMES)
+
+
 def unknown_covariance(
         center_error: float, size_error: float, area: float, frames: float) -> Array:
     """
@@ -252,7 +257,7 @@ def unknown_covariance(
     """
     center, size = center_error**2, size_error**2
     if frames:
-        center += _ABSENT_CENTER**2 * (1 + frames / _WANDERING_FRAMES)
+        center += absent_error(frames)**2
         size += _ABSENT_SIZE**2
     covariance = np.zeros((4, 4))
     covariance.flat[::5] = area * center, area * center, area * size, area * size

@@ -7,12 +7,13 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
-from vtrack_ros.localisation.presence import EVEN_SIMILARITY, InitialTemplate
+from vtrack_ros.localisation.presence import (
+    absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
 from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
-#: Similarity that ends the failure, or justifies a jump: the lower of a share and a level, but
-#: never one that speaks against the target.
+#: Similarity that ends the failure, or justifies a jump from a target that is seen: the lower of a
+#: share and a level, but never one that speaks against the target.
 _TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
 #: Similarity that leaves the present place plausible, likewise.
 _PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
@@ -23,11 +24,13 @@ _ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
 #: A jump needs this much more similarity, and that often while the present place is plausible.
 _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
+#: The least logarithm of the odds for the target at a place that is worth a jump.
+_ODDS = 0.5
 #: Who is seen, and yet isn't the target, was taken for it where the two met: no further from it,
 #: in sides, than that.
 _EXCHANGED = 1.5
-#: Windows searched in a frame.
-_SEARCHES = 2
+#: Windows searched in a frame; after so many frames by colours, too.
+_SEARCHES, _COLOURED = 3, 8
 #: A place is worth verifying where the response has this share of the usual one.
 _WORTH_VERIFYING = 0.5
 #: Weight of the latest step in the velocity.
@@ -50,12 +53,17 @@ def mean_velocity(before: Point, start: Point, end: Point, dt: float) -> Point:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A place that was searched, in pixels, its similarity, and its response."""
+    """
+    A place that was searched, in pixels, its similarity, and its response.
+
+    `odds` is the logarithm of the odds for the target there: by its look, and by the way to it.
+    """
 
     center: Point
     similarity: float
     peak: float
     sharpness: float
+    odds: float
 
 
 @dataclass(frozen=True)
@@ -79,10 +87,12 @@ class Redetection:
     Searches, after a tracking failure, with the target as it was known before.
 
     Updates of the live model never stop, since a change of appearance looks like an occlusion.
-    The snapshot, of `age` frames before, searches two windows in each frame beside the live one,
-    which it replaces once it has found a place that is verifiably more similar to the target. The
-    failure is over, too, when the live place has been similar enough for a while. The velocity
-    before the failure, [px/frame], says where the target may have gone since.
+    The snapshot, of `age` frames before, searches some windows in each frame beside the live one,
+    which it replaces once it has found a place that is verifiably more similar to the target, and
+    where the odds are for it: similarity and sharpness count as for its presence, and the
+    way to it from where the target was, or would be by its velocity before the failure,
+    [px/frame]: as far as a target out of sight strays (`absent_error`), with heavy tails. The
+    failure is over, too, when the live place has been similar enough for a while.
 
     Where the model doesn't learn, a far higher response elsewhere is followed too: it's the same
     model's, so it can be compared, but the failure is over only once that is verified.
@@ -125,9 +135,11 @@ class Redetection:
         if not search:
             return Verdict(live, similarity)
         candidates = self._candidates(frame, live.center, seen)
-        best = max(candidates, key=lambda one: one.similarity, default=None)
-        least = max(trusted, similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
-        if best is None or best.similarity < least:
+        least = max(trusted if seen else EVEN_SIMILARITY,
+                    similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
+        best = max((one for one in candidates if one.similarity >= least and one.odds >= _ODDS),
+                   key=lambda one: one.odds, default=None)
+        if best is None:
             return self._preferred(candidates, live, similarity, peak)
         self._jump_frames += 1
         plausible = similarity >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
@@ -160,29 +172,36 @@ class Redetection:
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
-            candidates.append(Candidate(center, similarity, response.peak, response.sharpness))
+            way = min(math.dist(center, place) for place in (snapshot.center, self._way_on))
+            odds = evidence(similarity, response.sharpness) - math.log1p((way / self._spread)**2)
+            candidates.append(
+                Candidate(center, similarity, response.peak, response.sharpness, odds))
         return candidates
+
+    @property
+    def _way_on(self) -> Point:
+        """Return where the target is if it went straight on, [px]."""
+        frames = min(self._age, _EXTRAPOLATED_FRAMES)
+        x, y = (place + frames * velocity
+                for place, velocity in zip(self._snapshot.center, self._velocity))
+        return x, y
+
+    @property
+    def _spread(self) -> float:
+        """Return how far the target has strayed, [px]: a standard deviation."""
+        return math.sqrt(math.prod(self._snapshot.size)) * absent_error(self._age)
 
     def _places(self, frame: Frame) -> list[Point]:
         """Return the places to search in this frame."""
-        center, size = self._snapshot.center, self._snapshot.size
-        places = []
-        for turn in range(self._updates * _SEARCHES, (self._updates + 1) * _SEARCHES):
-            if turn % 4 == 0:
-                place = center
-            elif turn % 2 == 0:
-                frames = min(self._age, _EXTRAPOLATED_FRAMES)
-                place = (center[0] + frames * self._velocity[0],
-                         center[1] + frames * self._velocity[1])
-            elif self._updates > 8 and self._rng.random() < 0.5:
-                place = self._coloured_place(frame)
+        center = self._snapshot.center
+        places = [self._way_on if self._updates % 2 else center]
+        while len(places) < _SEARCHES:
+            if self._updates > _COLOURED and self._rng.random() < 0.5:
+                places.append(self._coloured_place(frame))
             else:
-                spread = np.sqrt(size[0] * size[1]) * (0.5 + 0.15 * self._age)
-                spread = min(spread, 0.5 * max(frame.shape[:2]))
-                x, y = np.array(center) + spread * self._rng.standard_normal(2)
-                place = (x, y)
-            places.append(inside(place, frame))
-        return places
+                x, y = center + self._spread * self._rng.standard_normal(2)
+                places.append((x, y))
+        return [inside(place, frame) for place in places]
 
     def _coloured_place(self, frame: Frame) -> Point:
         """Return a place anywhere in the frame that has the target's colours."""
