@@ -206,6 +206,7 @@ def test_the_nearer_of_two_places_is_the_target_unless_the_other_is_far_more_lik
     frame[int(y) - 60:, int(x) - 60:] = there[int(y) - 60:, int(x) - 60:]
 
     class ByPlace:
+
         def similarity(self, window, shift=(0.0, 0.0)):
             return far if window.center[0] > 190 else near
     age = 20.0

@@ -94,8 +94,9 @@ class Redetection:
     [px/frame]: as far as a target out of sight strays (`absent_error`), with heavy tails. The
     failure is over, too, when the live place has been similar enough for a while.
 
-    Where the model doesn't learn, a far higher response elsewhere is followed too: it's the same
-    model's, so it can be compared, but the failure is over only once that is verified.
+    Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
+    followed too: it's the same model's, so it can be compared, but the failure is over only once
+    that is verified.
     """
 
     def __init__(self, snapshot: TargetSnapshot, template: InitialTemplate, velocity: Point,
@@ -135,10 +136,12 @@ class Redetection:
         if not search:
             return Verdict(live, similarity)
         candidates = self._candidates(frame, live.center, seen)
-        least = max(trusted if seen else EVEN_SIMILARITY,
+        learns = self._snapshot.model.LEARNS
+        least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
-        best = max((one for one in candidates if one.similarity >= least and one.odds >= _ODDS),
-                   key=lambda one: one.odds, default=None)
+        best = max((one for one in candidates if one.similarity >= least
+                    and (one.odds >= _ODDS or not learns)),
+                   key=lambda one: one.odds if learns else one.similarity, default=None)
         if best is None:
             return self._preferred(candidates, live, similarity, peak)
         self._jump_frames += 1
