@@ -184,6 +184,18 @@ def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
     assert over is jumps
 
 
+@pytest.mark.parametrize('there, jumps', [(0.125, False), (0.135, True)])
+@pytest.mark.parametrize('learns, seen, frames', [(True, True, 10), (False, False, 36)])
+def test_a_jump_from_who_is_seen_needs_a_similarity_that_is_trusted(
+        known, learns, seen, frames, there, jumps):
+    """In any target, however little the place has that it leaves; below a fixed model too."""
+    model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
+    snapshot = replace(known[0], model=model)
+    redetection = search(snapshot, Verifier(there), (5.0, 3.0), frames - 1.0)
+    frame = VIDEO.frame((HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames))
+    assert redetection.update(frame, snapshot, -0.1, 0.5, 1.0, seen=seen).over is jumps
+
+
 class Draws:
     """Stands for a generator that draws these places, so many standard deviations off."""
 
