@@ -81,6 +81,15 @@ def test_five_frames_of_trusted_similarity_end_the_failure(known):
     assert verdict.live.usual_similarity == snapshot.usual_similarity
 
 
+@pytest.mark.parametrize('similarity, over', [(0.105, False), (0.115, True)])
+def test_a_faint_target_is_trusted_sooner(known, similarity, over):
+    """From 0.6 of the usual similarity on."""
+    faint = replace(known[0], usual_similarity=0.18)
+    redetection, frame = search(faint, Verifier(0.0)), VIDEO.frame(None)
+    verdicts = [redetection.update(frame, faint, similarity, 0.1, 1.0) for _ in range(5)]
+    assert verdicts[-1].over is over
+
+
 @pytest.mark.parametrize('peak, over', [(0.7, True), (0.6, False)])
 def test_a_target_seen_well_for_forty_frames_has_changed(known, peak, over):
     """It's not like the first frame any more, but the response is: that's usual from now on."""
@@ -130,10 +139,11 @@ def test_its_colours_tell_where_to_search(known, seed):
     assert np.hypot(*np.subtract(verdict.live.center, ELSEWHERE)) < 4
 
 
+@pytest.mark.parametrize('usual', [0.1, 0.7])
 @pytest.mark.parametrize('similarity, jumps', [(0.08, False), (0.09, True)])
-def test_no_jump_to_what_would_not_be_taken_for_the_target(known, similarity, jumps):
-    """However little the target has been like itself lately, as in a shadow, and is here."""
-    snapshot = replace(known[0], usual_similarity=0.1)
+def test_no_jump_to_what_would_not_be_taken_for_the_target(known, usual, similarity, jumps):
+    """However much or little the target has been like itself lately, and is here."""
+    snapshot = replace(known[0], usual_similarity=usual)
     redetection = search(snapshot, Verifier(similarity), (5.0, 3.0), 36.0)
     frame = VIDEO.frame((HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37))
     verdict = redetection.update(frame, snapshot, 0.01, 0.5, 1.0)
@@ -142,9 +152,9 @@ def test_no_jump_to_what_would_not_be_taken_for_the_target(known, similarity, ju
 
 
 @pytest.mark.parametrize('frames, seen, jumps', [
-    (10, False, True), (10, True, True), (36, False, True), (36, True, False)])
+    (10, False, True), (10, True, True), (14, False, True), (14, True, False)])
 def test_who_is_seen_is_not_left_for_a_place_far_away(known, frames, seen, jumps):
-    """Only near, where the two may have been taken for each other: 1.3 sides away, not 4.9."""
+    """Only near, where the two may have been taken for each other: 1.3 sides away, not 1.9."""
     snapshot, template = known
     place = HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames
     verdict = search(snapshot, template, (5.0, 3.0), frames - 1.0).update(
@@ -196,6 +206,17 @@ def test_a_jump_from_who_is_seen_needs_a_similarity_that_is_trusted(
     assert redetection.update(frame, snapshot, -0.1, 0.5, 1.0, seen=seen).over is jumps
 
 
+@pytest.mark.parametrize('offset, jumps', [(0.25, False), (0.35, True)])
+def test_the_present_place_is_no_other_one(known, offset, jumps):
+    """It's the same within 0.3 of the target's size, however much more it resembles there."""
+    snapshot, template = known
+    place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
+    live = replace(snapshot, center=(place[0], place[1] - offset * TARGET[1]))
+    verdict = search(snapshot, template, (5.0, 3.0), 36.0).update(
+        VIDEO.frame(place), live, 0.0, 0.5, 1.0)
+    assert verdict.elsewhere is jumps
+
+
 class Draws:
     """Stands for a generator that draws these places, so many standard deviations off."""
 
@@ -208,14 +229,23 @@ class Draws:
         return self._draws.pop(0)
 
 
-@pytest.mark.parametrize('near, far, found', [(0.3, 0.33, 'near'), (0.1, 0.6, 'far')])
+@pytest.mark.parametrize('learns, near, far, found', [
+    (True, 0.3, 0.33, 'near'), (True, 0.1, 0.6, 'far'),
+    (False, 0.3, 0.33, 'far'), (False, 0.33, 0.3, 'near'),
+    (False, 0.0, 0.0, 'far')])  # neither is like it, so the higher response
 def test_the_nearer_of_two_places_is_the_target_unless_the_other_is_far_more_like_it(
-        known, near, far, found):
-    """By odds: how far it has strayed counts beside how it looks."""
+        known, learns, near, far, found):
+    """By odds: how far it has strayed counts beside how it looks; not below a fixed model."""
     places = {'near': (HERE[0] + 70.0, HERE[1] + 10.0), 'far': ELSEWHERE}
     frame = VIDEO.frame(places['near'])
     there, (x, y) = VIDEO.frame(ELSEWHERE), ELSEWHERE
     frame[int(y) - 60:, int(x) - 60:] = there[int(y) - 60:, int(x) - 60:]
+    model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
+    snapshot = replace(known[0], model=model, usual_response=0.4)
+    if not near:
+        # some of it is covered there
+        left, top = (int(at) for at in places['near'])
+        frame[top:top + TARGET[1] // 2, left - TARGET[0] // 2:left + TARGET[0] // 2] = 128
 
     class ByPlace:
 
@@ -224,8 +254,8 @@ def test_the_nearer_of_two_places_is_the_target_unless_the_other_is_far_more_lik
     age = 20.0
     spread = math.sqrt(math.prod(TARGET)) * absent_error(age + 1)
     redetection = Redetection(
-        known[0], ByPlace(), (0.0, 0.0), age, Draws(places.values(), spread))
-    verdict = redetection.update(frame, known[0], 0.0, 0.1, 1.0)
+        snapshot, ByPlace(), (0.0, 0.0), age, Draws(places.values(), spread))
+    verdict = redetection.update(frame, snapshot, 0.0, 0.1, 1.0)
     assert verdict.elsewhere
     assert np.hypot(*np.subtract(verdict.live.center, places[found])) < 4
 
