@@ -56,12 +56,96 @@ def test_the_target_itself_is_no_distractor():
     assert distractors.near((START[0] + 42.0, START[1]), REACH, 1.0) == []
 
 
-def test_who_is_out_of_sight_for_long_is_forgotten():
+@pytest.mark.parametrize('frames, known', [(12, 1), (13, 0)])
+def test_who_is_out_of_sight_for_long_is_forgotten(frames, known):
     """By then nobody knows where it is."""
     distractors, _ = passing(8, step=1.0)
-    for _ in range(20):
+    for _ in range(frames):
         distractors.update([], START, SIDE, 1.0)
-    assert distractors.near(START, 100 * SIDE, 1.0) == []
+    assert len(distractors.near(START, 100 * SIDE, 1.0)) == known
+
+
+@pytest.mark.parametrize('dt', [1.0, 2.0])
+def test_where_it_is_expected_follows_from_its_steps(dt):
+    """Its last ones, the latest of which is half of what it's taken to go on with, [px/frame]."""
+    place, distractors = np.array([START[0] + 60.0, START[1] - 20.0]), Distractors()
+    for step in ((0, 0), (-4.0, 2.0), (-6.0, 4.0)):
+        place += step
+        distractors.update([tuple(place)], START, SIDE, dt)
+        distractors.compare(START, SIDE, lambda _: 1.0)
+    expected, = distractors.near(tuple(place), REACH, 2 * dt)
+    assert expected == pytest.approx(tuple(place + 2 * np.array([-5.0, 3.0])))
+
+
+def compared(places):
+    """Return how many likenesses were asked for while maxima were at these places."""
+    distractors, asked = Distractors(), []
+    for place in places:
+        distractors.update([] if place is None else [place], START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda each: asked.append(each) or 1.0)
+    return len(asked)
+
+
+def test_it_is_compared_in_every_second_frame():
+    """From the second one on, where it's seen."""
+    place = START[0] + 60.0, START[1]
+    assert [compared([place] * count) for count in range(1, 7)] == [0, 1, 1, 2, 2, 3]
+    assert compared([place, None]) == 0
+
+
+def test_what_was_seen_once_is_remembered_for_one_frame():
+    """Then what comes back is something else, and is seen for the first time."""
+    place = START[0] + 60.0, START[1]
+    assert compared([place, None, place]) == 1
+    assert compared([place, None, None, place]) == 0
+
+
+@pytest.mark.parametrize('away, begins', [(0.35, 0), (0.45, 1)])
+def test_a_distractor_begins_away_from_the_target(away, begins):
+    """0.4 of its sides and more: nearer it may be the target's own."""
+    distractors = Distractors()
+    first = START[0] + away * SIDE, START[1]
+    for index in range(2):
+        distractors.update([(first[0] + 0.1 * SIDE * index, START[1])], START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda _: 1.0)
+    assert len(distractors.near(START, REACH, 1.0)) == begins
+
+
+@pytest.mark.parametrize('step, same', [(0.25, 1), (0.35, 0)])
+def test_a_distractor_is_found_again_near_where_it_is_expected(step, same):
+    """Within 0.3 sides of the target: further on it's another one."""
+    place = START[0] + 60.0, START[1]
+    assert compared([place, (place[0] + step * SIDE, place[1])]) == same
+
+
+def test_near_the_target_it_is_not_compared():
+    """It's the target that would be seen there."""
+    assert compared([(START[0] + share * SIDE, START[1]) for share in (0.45, 0.3)]) == 0
+    assert compared([(START[0] + share * SIDE, START[1]) for share in (0.45, 0.6)]) == 1
+
+
+def test_the_next_one_to_the_target_is_compared_first():
+    """One in a frame, since that takes a while."""
+    distractors, asked = Distractors(), []
+    places = [(START[0] + side, START[1]) for side in (90.0, -60.0, 120.0)]
+    for _ in range(4):
+        distractors.update(places, START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda each: asked.append(each) or 1.0)
+    assert asked == [places[1], places[0], places[1]]
+
+
+def test_each_of_two_goes_on_with_the_maximum_next_to_it():
+    """Whatever the order in which they're found; and one is forgotten without the other."""
+    distractors = Distractors()
+    left, right = (START[0] - 60.0, START[1]), (START[0] + 60.0, START[1])
+    for index in range(6):
+        maxima = [(left[0], left[1] + index), (right[0], right[1] - index)]
+        distractors.update(maxima[::1 if index % 2 else -1], START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda _: 1.0)
+    one, other = (left[0], left[1] + 6), (right[0], right[1] - 6)
+    assert sorted(distractors.near(START, 2 * SIDE, 1.0)) == [one, other]
+    distractors.forget(left, SIDE, 1.0)
+    assert distractors.near(START, 2 * SIDE, 1.0) == [other]
 
 
 def meeting(seed, velocity=0.0, below=6, speed=4):
