@@ -195,10 +195,11 @@ def test_a_box_that_no_ray_sees():
     assert locate(*measured(320.0 + 360.0, 240.0, 10.0, 10.0), camera, width=0.5) is None
 
 
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @pytest.mark.parametrize('units', ['ray', 'metres'])
 @pytest.mark.parametrize('focal', [3e183, 1e-200])
 def test_there_is_no_place_without_a_covariance(units, focal):
-    """A focal length beyond all reason makes no numbers that aren't finite."""
+    """A focal length beyond all reason makes no numbers that aren't finite, and no warnings."""
     camera = Camera(focal, 5.8, 100.0, -7.0, 7, 1)
     position = locate(Box(1000, 700, 20, 30), np.eye(4), camera, units, 0.2)
     assert position is None or (np.isfinite(position.point).all()

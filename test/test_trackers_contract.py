@@ -262,6 +262,7 @@ def test_frames_of_one_colour_each_do_no_harm(name):
             check(tracker.update(frame))
 
 
+@pytest.mark.filterwarnings('error::RuntimeWarning')
 @ALL
 def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
     """However uncertain a place may be: no farther than the image and as much again all around."""

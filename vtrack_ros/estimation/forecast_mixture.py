@@ -42,6 +42,7 @@ class ForecastMixture:
         """Return the name of the forecast with the least mean error; staying has a start."""
         return min(names, key=lambda name: self.error(name) + (name != STAYING) * _BETTER)
 
+    @np.errstate(over='ignore')  # after a long pause a forecast may be anywhere
     def log_density(self, places: Array, forecasts: Mapping[str, Point], unit: float,
                     dt: float) -> Array:
         """

@@ -118,6 +118,7 @@ class Camera:
         return np.array(self.coefficients or (0.0,) * 4)
 
 
+@np.errstate(over='ignore', invalid='ignore')  # what isn't finite is no place
 def locate(box: Box, box_covariance: Array, camera: Camera | None, units: str = 'auto',
            width: float = 0.0, height: float = 0.0) -> Position | None:
     """
