@@ -56,7 +56,7 @@ def test_the_target_itself_is_no_distractor():
     assert distractors.near((START[0] + 42.0, START[1]), REACH, 1.0) == []
 
 
-@pytest.mark.parametrize('frames, known', [(12, 1), (13, 0)])
+@pytest.mark.parametrize('frames, known', [(12, 1), (13, 0), (20, 0)])
 def test_who_is_out_of_sight_for_long_is_forgotten(frames, known):
     """By then nobody knows where it is."""
     distractors, _ = passing(8, step=1.0)
@@ -77,27 +77,32 @@ def test_where_it_is_expected_follows_from_its_steps(dt):
     assert expected == pytest.approx(tuple(place + 2 * np.array([-5.0, 3.0])))
 
 
-def compared(places):
-    """Return how many likenesses were asked for while maxima were at these places."""
+def compared(frames):
+    """Return the places that were compared while these frames' maxima were seen."""
     distractors, asked = Distractors(), []
-    for place in places:
-        distractors.update([] if place is None else [place], START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda each: asked.append(each) or 1.0)
-    return len(asked)
+    for maxima in frames:
+        distractors.update(maxima, START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda place: asked.append(place) or 1.0)
+    return asked
+
+
+def beside(*shares):
+    """Return as many frames with one maximum, so many sides beside the target."""
+    return [[(START[0] + share * SIDE, START[1])] for share in shares]
 
 
 def test_it_is_compared_in_every_second_frame():
     """From the second one on, where it's seen."""
-    place = START[0] + 60.0, START[1]
-    assert [compared([place] * count) for count in range(1, 7)] == [0, 1, 1, 2, 2, 3]
-    assert compared([place, None]) == 0
+    counts = [len(compared(beside(*[1.4] * count))) for count in range(1, 7)]
+    assert counts == [0, 1, 1, 2, 2, 3]
+    assert not compared([*beside(1.4), []])
 
 
 def test_what_was_seen_once_is_remembered_for_one_frame():
     """Then what comes back is something else, and is seen for the first time."""
-    place = START[0] + 60.0, START[1]
-    assert compared([place, None, place]) == 1
-    assert compared([place, None, None, place]) == 0
+    seen, = beside(1.4)
+    assert compared([seen, [], seen]) == seen
+    assert not compared([seen, [], [], seen])
 
 
 @pytest.mark.parametrize('away, begins', [(0.35, 0), (0.45, 1)])
@@ -114,24 +119,19 @@ def test_a_distractor_begins_away_from_the_target(away, begins):
 @pytest.mark.parametrize('step, same', [(0.25, 1), (0.35, 0)])
 def test_a_distractor_is_found_again_near_where_it_is_expected(step, same):
     """Within 0.3 sides of the target: further on it's another one."""
-    place = START[0] + 60.0, START[1]
-    assert compared([place, (place[0] + step * SIDE, place[1])]) == same
+    assert len(compared(beside(1.4, 1.4 + step))) == same
 
 
 def test_near_the_target_it_is_not_compared():
     """It's the target that would be seen there."""
-    assert compared([(START[0] + share * SIDE, START[1]) for share in (0.45, 0.3)]) == 0
-    assert compared([(START[0] + share * SIDE, START[1]) for share in (0.45, 0.6)]) == 1
+    assert not compared(beside(0.45, 0.3))
+    assert len(compared(beside(0.45, 0.6))) == 1
 
 
 def test_the_next_one_to_the_target_is_compared_first():
     """One in a frame, since that takes a while."""
-    distractors, asked = Distractors(), []
-    places = [(START[0] + side, START[1]) for side in (90.0, -60.0, 120.0)]
-    for _ in range(4):
-        distractors.update(places, START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda each: asked.append(each) or 1.0)
-    assert asked == [places[1], places[0], places[1]]
+    places = [place for place, in beside(2.1, -1.4, 2.8)]
+    assert compared([places] * 4) == [places[1], places[0], places[1]]
 
 
 def test_each_of_two_goes_on_with_the_maximum_next_to_it():
