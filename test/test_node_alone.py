@@ -6,6 +6,7 @@ import sys
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray
 from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -78,6 +79,36 @@ def test_two_cameras_on_one_topic_are_told_once():
         # Three seconds' worth of what an idle node says.
         client.until(lambda: len(heard) >= 3, 'no state')
         assert process.log.count('publishers: their images') == 1
+
+
+#: Says on the standard error what Python loads.
+TELL_LOADS = """
+class Loads:
+    def find_spec(self, name, path=None, target=None):
+        sys.stderr.write(f'loads {name}\\n')
+sys.meta_path.insert(0, Loads())
+"""
+
+
+def test_nothing_is_loaded_while_images_come():
+    """Read for the first time, and compiled, a module stops the node for several frames."""
+    with NodeProcess(prelude=TELL_LOADS, init_box=BOX) as process, Client() as client:
+        for topic, kind in (('/diagnostics', DiagnosticArray), ('~/debug_image', Image),
+                            ('~/particles', PoseArray)):
+            client.hear(topic, kind)
+        client.ready()
+        assert 'loads numpy' in process.log
+        since, stamp = process.log.index('images are taken'), 10**9
+        for index in range(40):
+            # frames are lost, stamps shake, and the target darts off
+            stamp += STEP * (4 if index % 9 == 8 else 1) + index % 5 * STEP // 20
+            client.send(SCENE.frame(index if index < 30 else 9 * index), stamp)
+        _, _, values = diagnosis(client, '/tracker: images',
+                                 lambda _, values: int(values['frames received']) == 40)
+        assert int(values['frames missing']) > 0
+        client.until(lambda: client.heard['~/debug_image'] and client.heard['~/particles'],
+                     'neither picture nor particles')
+        assert 'loads' not in process.log[since:]
 
 
 def test_first_line_says_what_to_do():

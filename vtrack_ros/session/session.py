@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib import import_module
 import math
 from typing import Any
 
@@ -136,6 +137,8 @@ class TrackingSession:
 
         Otherwise that would take the time of several frames just when the target is selected.
         """
+        # NumPy loads it with the first median or percentile
+        import_module('numpy.ma')
         ground = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)
         self._tracker.start(ground, Box(60, 40, 40, 40))
         for _ in range(3):
