@@ -218,9 +218,9 @@ def test_video_as_camera(tmp_path, video):
             next(images(str(tmp_path / name)))
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'terminated'])
-def test_a_camera_ends_without_a_word(video, number):
-    """A camera is told to end by its terminal or by the demo: 0, and no traceback."""
+@pytest.fixture
+def camera(video):
+    """Start a camera that shows a video; it has begun."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo.camera_source', str(video)], env=dict(os.environ),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
@@ -228,8 +228,21 @@ def test_a_camera_ends_without_a_word(video, number):
         while not segments(group(process.pid)):
             assert process.poll() is None
             time.sleep(0.05)
-        process.send_signal(number)
-        assert process.communicate(timeout=60)[0] == ''
+        yield process
     finally:
         process.kill()
-    assert process.returncode == 0
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'terminated'])
+def test_a_camera_ends_without_a_word(camera, number):
+    """A camera is told to end by its terminal or by the demo: 0, and no traceback."""
+    camera.send_signal(number)
+    assert camera.communicate(timeout=60)[0] == ''
+    assert camera.returncode == 0
+
+
+def test_a_camera_that_is_gone_is_said_so(camera, video):
+    """As when its plug is pulled: in a line, and no traceback."""
+    video.unlink()
+    assert camera.communicate(timeout=60)[0] == f'camera: {video} does not exist\n'
+    assert camera.returncode == 2

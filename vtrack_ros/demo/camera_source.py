@@ -57,7 +57,7 @@ def images(source: str) -> Iterator[Frame]:
 
 
 def main(source: str) -> int:
-    """Publish on `image` until a signal ends it."""
+    """Publish on `image` until a signal ends it, 0, or no image comes any more, 2."""
     import rclpy
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Image
@@ -71,15 +71,20 @@ def main(source: str) -> int:
     publisher = node.create_publisher(Image, 'image', qos_profile_sensor_data)
     message = Image()
     message.header.frame_id = 'camera'
-    for frame in images(source):
-        fill_image(message, frame)
-        message.header.stamp = node.get_clock().now().to_msg()
-        publisher.publish(message)
-        if ended:
-            break
+    code = 0
+    try:
+        for frame in images(source):
+            fill_image(message, frame)
+            message.header.stamp = node.get_clock().now().to_msg()
+            publisher.publish(message)
+            if ended:
+                break
+    except NoImagesError as error:
+        print(f'camera: {error}', file=sys.stderr)
+        code = 2
     leave(node)
     rclpy.try_shutdown()
-    return end_process(0)
+    return end_process(code)
 
 
 if __name__ == '__main__':
