@@ -58,3 +58,28 @@ def test_tiny_and_narrow_pictures(shape):
     """Whatever the picture's shape, there's a box about the point."""
     box = find_extent(np.zeros(shape, np.uint8), shape[1] / 2, shape[0] / 2)
     assert box.width > 0 and box.height > 0
+
+
+@pytest.mark.parametrize('width, height', [(40, 40), (24, 60), (80, 44)])
+def test_thing_of_its_surroundings_colours(width, height):
+    """What is textured on a smooth ground of the same colours has its extent found."""
+    rng = np.random.default_rng(2)
+    levels = rng.integers(60, 180, (240, 320), np.uint8)
+    # the same levels in order: a ground without an edge
+    frame = np.sort(levels.ravel()).reshape(levels.shape)
+    box = Box.from_center(150, 110, width, height)
+    x, y, w, h = (int(value) for value in box.as_array())
+    frame[y:y + h, x:x + w] = rng.choice(frame[:, x:x + w].ravel(), (h, w))
+    assert find_extent(frame, 150, 110).iou(box) > 0.6
+
+
+@pytest.mark.parametrize('side, height', [(24, 120), (16, 90), (40, 400)])
+def test_check_in_noise(side, height):
+    """A thing of two colours is a thing, and none of its corners is, in a small picture too."""
+    rng = np.random.default_rng(5)
+    frame = rng.integers(60, 110, (height, height, 3), np.uint8)
+    check = np.kron(rng.integers(0, 2, (4, 4)), np.ones((side // 4, side // 4), int))
+    colours = np.array([[20, 30, 220], [230, 220, 30]], np.uint8)
+    box = Box(height // 3, height // 3, side, side)
+    frame[height // 3:height // 3 + side, height // 3:height // 3 + side] = colours[check]
+    assert find_extent(frame, *box.center).iou(box) > 0.6

@@ -1,4 +1,4 @@
-"""How large the thing about a point is: the boxes whose colours differ from their surroundings."""
+"""How large the thing about a point is: the boxes that differ from their surroundings."""
 
 import cv2
 import numpy as np
@@ -15,10 +15,17 @@ _ASPECTS = np.array([0.33, 0.45, 0.62, 0.8, 1.0, 1.25, 1.7, 2.2])
 _SIDE, _COLOURS = 128, 16
 #: Lightness counts for less than colour: shadows fall on targets too.
 _LIGHTNESS = 0.6
-#: Side of a candidate with its surroundings, in sides of it (of its mean side).
-_SURROUNDINGS = 2.0
-#: What a nat of contrast counts, and one of the prior.
-_CONTRAST, _PRIOR = 5.0, 0.3
+#: How far the surroundings of colour and of texture reach, in mean sides from the box's border;
+#: half the width of a band along that, in sides.
+_COLOURS_ABOUT, _TEXTURE_ABOUT, _BAND = 0.2, 0.3, 0.12
+#: What a nat of difference in colour counts, one of more texture, one of edges at the border, and
+#: one of the prior.
+_COLOUR, _TEXTURE, _BORDER, _PRIOR = 8.0, 3.0, 1.5, 0.5
+#: What is added to a mean gradient, that noise be no texture, in eighths of a grey level.
+_LEAST_GRADIENT = 5.0
+#: So many pixels with the window's mean gradient count beside those of a box or a band: where
+#: there are few, or none, they say little.
+_USUAL_PIXELS = 9.0
 #: Mean and standard deviation of the logarithms of size, in image heights, and aspect.
 _SIZE, _ASPECT = (np.log(0.18), 0.7), (-0.25, 0.5)
 
@@ -27,11 +34,12 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     """
     Return the box about a point that is most probably the target's extent.
 
-    The candidates are boxes centred at the point, in two windows of the frame. Each is as probable
-    as its prior says, of sizes and aspects that targets have, and the Jensen-Shannon divergence
-    of the colours inside it from those about it. The answer is the candidate with the highest
-    expected overlap with the target under these probabilities, not the likeliest one: the contrast
-    has many maxima, at parts of the target and at what it's a part of.
+    The candidates are boxes centred at the point, in two windows of the frame. How probable each
+    is tell four things: the Jensen-Shannon divergence of the colours inside it from those about
+    it; that there is more texture inside than about it; edges along its four sides; and how common
+    its size and aspect are among targets. The answer is the candidate with the highest expected
+    overlap with the target under these probabilities, not the likeliest one: each of them has many
+    maxima, at parts of the target and at what it's a part of.
 
     Parameters
     ----------
@@ -59,33 +67,63 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
     height, width = frame.shape[:2]
     left, top = int(max(0, x - side / 2)), int(max(0, y - side / 2))
     right, bottom = int(min(width, x + side / 2 + 1)), int(min(height, y + side / 2 + 1))
-    window = frame[top:bottom, left:right]
-    # no side of it is reduced to nothing
-    reduced = min(1.0, max(_SIDE / max(window.shape[:2]), 1 / min(window.shape[:2])))
-    colours = _colours(window, reduced)
-    scale = np.array(colours.shape[::-1]) / (right - left, bottom - top)
-    counts = np.zeros((colours.shape[0] + 1, colours.shape[1] + 1, _COLOURS))
-    counts[1:, 1:] = (colours[..., None] == np.arange(_COLOURS)).cumsum(0).cumsum(1)
-
+    window = _reduced(frame[top:bottom, left:right])
+    scale = np.array(window.shape[1::-1]) / (right - left, bottom - top)
     size, aspect = (grid.ravel() for grid in np.meshgrid(sizes, _ASPECTS, indexing='ij'))
     candidates = size[:, None] * np.stack([np.sqrt(aspect), 1 / np.sqrt(aspect)], 1)
     center = (np.array([x, y]) - (left, top)) * scale
-    inside = _counted(counts, center, candidates * scale)
-    larger = (candidates + (_SURROUNDINGS - 1) * size[:, None]) * scale
-    about = _counted(counts, center, larger) - inside
-    contrast = _divergence(_shares(inside), _shares(about))
+    boxes = np.concatenate([center - candidates * scale / 2, center + candidates * scale / 2], 1)
     prior = sum(-0.5 * ((np.log(value) - mean) / deviation) ** 2 for value, (mean, deviation) in (
         (size / height, _SIZE), (aspect, _ASPECT)))
-    return candidates, _CONTRAST * contrast + _PRIOR * prior
+    difference = _COLOUR * _difference_in_colour(window, boxes) + _edges(window, boxes)
+    return candidates, _PRIOR * prior + difference
 
 
-def _colours(window: Frame, reduced: float) -> NDArray[np.int32]:
-    """Return which of its few colours each pixel of a reduced window has."""
+def _reduced(window: Frame) -> Frame:
+    """Return a window, in colour, that has no more pixels than are looked at."""
+    # no side of it is reduced to nothing
+    reduced = max(_SIDE / max(window.shape[:2]), 1 / min(window.shape[:2]))
     if reduced < 1:
         window = np.asarray(cv2.resize(window, None, fx=reduced, fy=reduced,
                                        interpolation=cv2.INTER_AREA), np.uint8)
     if window.ndim == 2:
         window = np.asarray(cv2.cvtColor(window, cv2.COLOR_GRAY2BGR), np.uint8)
+    return window
+
+
+def _difference_in_colour(window: Frame, boxes: Array) -> Array:
+    """Return by how much the colours in boxes differ from those about them, in nats."""
+    table = _summed(_colours(window)[..., None] == np.arange(_COLOURS))
+    inside = _sums(table, boxes)
+    about = _sums(table, _grown(boxes, _COLOURS_ABOUT)) - inside
+    return _divergence(_shares(inside), _shares(about))
+
+
+def _edges(window: Frame, boxes: Array) -> Array:
+    """Return what texture in boxes counts, and edges along their sides."""
+    grey = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    across, down = (np.abs(cv2.Sobel(grey, cv2.CV_32F, *order)) for order in ((1, 0), (0, 1)))
+    # of the gradients and, last, of pixels
+    kinds = np.stack([np.hypot(across, down), across, down, np.ones_like(grey)], axis=-1)
+    table = _summed(kinds)
+
+    def strength(sums: Array, kind: int) -> Array:
+        usual = table[-1, -1, kind] / table[-1, -1, 3]
+        mean = (sums[:, kind] + _USUAL_PIXELS * usual) / (sums[:, 3] + _USUAL_PIXELS)
+        return np.asarray(np.log(mean + _LEAST_GRADIENT))
+    inside = _sums(table, boxes)
+    about = _sums(table, _grown(boxes, _TEXTURE_ABOUT)) - inside
+    # what is of one colour may well be the target
+    texture = np.maximum(strength(inside, 0) - strength(about, 0), 0)
+    (x0, y0, x1, y1), (x, y) = boxes.T, _BAND * (boxes[:, 2:] - boxes[:, :2]).T
+    bands = ((1, (x0 - x, y0, x0 + x, y1)), (1, (x1 - x, y0, x1 + x, y1)),
+             (2, (x0, y0 - y, x1, y0 + y)), (2, (x0, y1 - y, x1, y1 + y)))
+    border = sum(strength(_sums(table, np.stack(band, 1)), kind) for kind, band in bands) / 4
+    return np.asarray(_TEXTURE * texture + _BORDER * border)
+
+
+def _colours(window: Frame) -> NDArray[np.int32]:
+    """Return which of its few colours each pixel of a reduced window has."""
     lab = cv2.cvtColor(window, cv2.COLOR_BGR2LAB).astype(np.float32)
     lab[..., 0] *= _LIGHTNESS
     pixels = cv2.GaussianBlur(lab, (0, 0), 0.7).reshape(-1, 3)
@@ -100,12 +138,25 @@ def _colours(window: Frame, reduced: float) -> NDArray[np.int32]:
     return np.asarray(labels, np.int32).reshape(lab.shape[:2])
 
 
-def _counted(counts: Array, center: Array, sizes: Array) -> Array:
-    """Return how many pixels of each colour are in boxes about a point, of a summed-area table."""
-    limit = np.array(counts.shape[1::-1]) - 1
-    x0, y0 = np.clip(np.round(center - sizes / 2), 0, limit).astype(int).T
-    x1, y1 = np.clip(np.round(center + sizes / 2), 0, limit).astype(int).T
-    return np.asarray(counts[y1, x1] - counts[y0, x1] - counts[y1, x0] + counts[y0, x0])
+def _grown(boxes: Array, share: float) -> Array:
+    """Return boxes that reach further in each direction by that share of their mean side."""
+    more = share * np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1, keepdims=True))
+    return np.concatenate([boxes[:, :2] - more, boxes[:, 2:] + more], axis=1)
+
+
+def _summed(values: Array) -> Array:
+    """Return the summed-area table of values, shape (rows, columns, kinds)."""
+    table = np.zeros((values.shape[0] + 1, values.shape[1] + 1, values.shape[2]))
+    table[1:, 1:] = values.cumsum(0).cumsum(1)
+    return table
+
+
+def _sums(table: Array, boxes: Array) -> Array:
+    """Return the sums of a table in boxes (x0, y0, x1, y1), as far as they are inside."""
+    limit = np.array(table.shape[1::-1]) - 1
+    (x0, y0), (x1, y1) = (np.clip(np.round(corner), 0, limit).astype(int).T
+                          for corner in (boxes[:, :2], boxes[:, 2:]))
+    return np.asarray(table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0])
 
 
 def _shares(counts: Array) -> Array:
