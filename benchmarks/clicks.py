@@ -108,7 +108,7 @@ def main() -> None:
         '# A click instead of a box\n\n'
         'Made by `python benchmarks/clicks.py`. On the first frame of each of the shared '
         "sequences' targets: the overlap (IoU) of the true box with the one that a click at its "
-        'centre makes; the mean overlap from four clicks up to 0.15 sides beside it; the same in '
+        'centre makes; the mean overlap from four clicks up to 0.15 sides beside it; the same '
         f'in frames {", ".join(map(str, LATER))}; and the AUC of `dcf` over the first {FRAMES} '
         'frames from the box of the click at the centre in the first one, one seed. The weights '
         'in `appearance/extent.py` were found on the tuned videos.\n\n'
