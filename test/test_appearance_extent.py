@@ -83,3 +83,12 @@ def test_check_in_noise(side, height):
     box = Box(height // 3, height // 3, side, side)
     frame[height // 3:height // 3 + side, height // 3:height // 3 + side] = colours[check]
     assert find_extent(frame, *box.center).iou(box) > 0.6
+
+
+@pytest.mark.parametrize('x, y', [(140, 102), (160, 118), (158, 100), (142, 120)])
+def test_click_beside_the_middle(x, y):
+    """The box isn't centred at the click, but at what was clicked on."""
+    box = Box.from_center(150, 110, 50, 40)
+    found = find_extent(picture(box), x, y)
+    assert found.iou(box) > 0.6
+    assert np.hypot(*np.subtract(found.center, box.center)) < np.hypot(x - 150, y - 110) - 3

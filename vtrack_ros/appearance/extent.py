@@ -1,5 +1,7 @@
 """How large the thing about a point is: the boxes that differ from their surroundings."""
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +30,13 @@ _LEAST_GRADIENT = 5.0
 _USUAL_PIXELS = 9.0
 #: Mean and standard deviation of the logarithms of size, in image heights, and aspect.
 _SIZE, _ASPECT = (np.log(0.18), 0.7), (-0.25, 0.5)
+#: The target is cut out of a part of the image that reaches that far about its box, in mean sides,
+#: reduced to so many pixels a side. The middle of the box, that share of its sides, is the
+#: target's; what is further than so many times them isn't.
+_CUT_ABOUT, _CUT_SIDE, _SURELY, _AT_MOST = 0.6, 96, 0.5, 1.6
+#: Iterations of the cut, the least side of what something is cut out of, in pixels, and the share
+#: of the pixels cut out that is beyond each of its bounds, [%].
+_ITERATIONS, _LEAST_CUT, _BEYOND = 3, 8, 1.0
 
 
 def find_extent(frame: Frame, x: float, y: float) -> Box:
@@ -39,7 +48,8 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     it; that there is more texture inside than about it; edges along its four sides; and how common
     its size and aspect are among targets. The answer is the candidate with the highest expected
     overlap with the target under these probabilities, not the likeliest one: each of them has many
-    maxima, at parts of the target and at what it's a part of.
+    maxima, at parts of the target and at what it's a part of. A click is seldom at the centre: the
+    box goes half-way to the bounds of what is cut out there.
 
     Parameters
     ----------
@@ -58,7 +68,8 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     overlap = least / (area[:, None] + area - least)
     w, h = sizes[np.argmax(overlap @ probability)]
     box = Box.from_center(x, y, float(w), float(h))
-    return box.clipped(width, height) or box
+    box = box.clipped(width, height) or box
+    return Box(*(box.as_array() + _cut_out(frame, box).as_array()) / 2)
 
 
 def _candidates(frame: Frame, x: float, y: float, side: float,
@@ -67,7 +78,7 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
     height, width = frame.shape[:2]
     left, top = int(max(0, x - side / 2)), int(max(0, y - side / 2))
     right, bottom = int(min(width, x + side / 2 + 1)), int(min(height, y + side / 2 + 1))
-    window = _reduced(frame[top:bottom, left:right])
+    window = _reduced(frame[top:bottom, left:right], _SIDE)
     scale = np.array(window.shape[1::-1]) / (right - left, bottom - top)
     size, aspect = (grid.ravel() for grid in np.meshgrid(sizes, _ASPECTS, indexing='ij'))
     candidates = size[:, None] * np.stack([np.sqrt(aspect), 1 / np.sqrt(aspect)], 1)
@@ -79,10 +90,10 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
     return candidates, _PRIOR * prior + difference
 
 
-def _reduced(window: Frame) -> Frame:
-    """Return a window, in colour, that has no more pixels than are looked at."""
-    # no side of it is reduced to nothing
-    reduced = max(_SIDE / max(window.shape[:2]), 1 / min(window.shape[:2]))
+def _reduced(window: Frame, side: int) -> Frame:
+    """Return a window, in colour, no side of which has more pixels than that."""
+    # none is reduced to nothing
+    reduced = max(side / max(window.shape[:2]), 1 / min(window.shape[:2]))
     if reduced < 1:
         window = np.asarray(cv2.resize(window, None, fx=reduced, fy=reduced,
                                        interpolation=cv2.INTER_AREA), np.uint8)
@@ -136,6 +147,41 @@ def _colours(window: Frame) -> NDArray[np.int32]:
         _, labels, _ = cv2.kmeans(
             pixels, _COLOURS, labels, criteria, 1, cv2.KMEANS_USE_INITIAL_LABELS)
     return np.asarray(labels, np.int32).reshape(lab.shape[:2])
+
+
+def _cut_out(frame: Frame, box: Box) -> Box:
+    """
+    Return the bounds of what is cut out of a frame about a box [Rother et al. 2004].
+
+    Where there's nothing to tell apart, that's the box.
+    """
+    x, y, width, height = box.as_array()
+    about = _CUT_ABOUT * math.sqrt(box.area)
+    left, top = int(max(0, x - about)), int(max(0, y - about))
+    part = frame[top:int(y + height + about), left:int(x + width + about)]
+    rows, columns = part.shape[:2]
+    if min(rows, columns) < _LEAST_CUT:
+        return box
+    part = _reduced(part, _CUT_SIDE)
+    scale = np.array(part.shape[1::-1]) / (columns, rows)
+    middle, half = (np.array(box.center) - (left, top)) * scale, scale * (width, height) / 2
+    mask = np.full(part.shape[:2], cv2.GC_BGD, np.uint8)
+    for reach, label in ((_AT_MOST, cv2.GC_PR_BGD), (1.0, cv2.GC_PR_FGD), (_SURELY, cv2.GC_FGD)):
+        (x0, y0), (x1, y1) = (np.maximum(corner, 0).astype(int) for corner in (
+            middle - reach * half, middle + reach * half + 1))
+        mask[y0:y1, x0:x1] = label
+    # the target's labels are the odd ones
+    if min(np.bincount(mask.ravel() & 1, minlength=2)) < _LEAST_CUT**2:
+        return box
+    # so that it has the same chances again
+    cv2.setRNGSeed(0)
+    nothing = np.zeros((1, 65))
+    cv2.grabCut(part, mask, None, nothing, nothing.copy(), _ITERATIONS, cv2.GC_INIT_WITH_MASK)
+    _, pieces = cv2.connectedComponents(mask & 1)
+    column, row = middle.astype(int)
+    places = np.stack(np.nonzero(pieces == pieces[row, column]))[::-1]
+    low, high = np.percentile(places, (_BEYOND, 100 - _BEYOND), axis=1)
+    return Box(*((left, top) + low / scale), *((high - low + 1) / scale))
 
 
 def _grown(boxes: Array, share: float) -> Array:
