@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 
@@ -34,8 +35,8 @@ _SIZE, _ASPECT = (np.log(0.18), 0.7), (-0.25, 0.5)
 #: reduced to so many pixels a side. The middle of the box, that share of its sides, is the
 #: target's; what is further than so many times them isn't.
 _CUT_ABOUT, _CUT_SIDE, _SURELY, _AT_MOST = 0.6, 96, 0.5, 1.6
-#: Iterations of the cut, the least side of what something is cut out of, in pixels, and the share
-#: of the pixels cut out that is beyond each of its bounds, [%].
+#: Iterations of the cut, the least side of what something is cut out of, in pixels, whose square
+#: is the least of either label, and the share of what is cut out beyond each of its bounds, [%].
 _ITERATIONS, _LEAST_CUT, _BEYOND = 3, 8, 1.0
 
 
@@ -92,11 +93,7 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
 
 def _reduced(window: Frame, side: int) -> Frame:
     """Return a window, in colour, no side of which has more pixels than that."""
-    # none is reduced to nothing
-    reduced = max(side / max(window.shape[:2]), 1 / min(window.shape[:2]))
-    if reduced < 1:
-        window = np.asarray(cv2.resize(window, None, fx=reduced, fy=reduced,
-                                       interpolation=cv2.INTER_AREA), np.uint8)
+    window = shrunk(window, side)
     if window.ndim == 2:
         window = np.asarray(cv2.cvtColor(window, cv2.COLOR_GRAY2BGR), np.uint8)
     return window
@@ -118,9 +115,10 @@ def _edges(window: Frame, boxes: Array) -> Array:
     kinds = np.stack([np.hypot(across, down), across, down, np.ones_like(grey)], axis=-1)
     table = _summed(kinds)
 
+    usual = table[-1, -1] / table[-1, -1, 3]
+
     def strength(sums: Array, kind: int) -> Array:
-        usual = table[-1, -1, kind] / table[-1, -1, 3]
-        mean = (sums[:, kind] + _USUAL_PIXELS * usual) / (sums[:, 3] + _USUAL_PIXELS)
+        mean = (sums[:, kind] + _USUAL_PIXELS * usual[kind]) / (sums[:, 3] + _USUAL_PIXELS)
         return np.asarray(np.log(mean + _LEAST_GRADIENT))
     inside = _sums(table, boxes)
     about = _sums(table, _grown(boxes, _TEXTURE_ABOUT)) - inside
