@@ -118,10 +118,9 @@ def main() -> None:
         '## Overlap by target, from a click at the centre\n\n'
         f'{markdown(of_each)}\n\n'
         'A click beside the centre is worth less: the candidates are centred at it, and the box '
-        'goes only half-way to what is cut out about the best one. Small targets far from '
-        'everything (`UAV_wakeboard10`, `UAVDT_S0601`) are taken for what they are on or near, '
-        'and what has large parts of its own for one of them. `click_size` or a box does better '
-        'there.\n')
+        'goes only half-way to what is cut out about the best one. What is small and among '
+        'others (`UAVDT_S0601`, `UAV_building5`) is taken for what is about it, and what has '
+        'large parts of its own for one of them. `click_size` or a box does better there.\n')
     arguments.out.write_text(text, encoding='utf-8')
     print(text)
 

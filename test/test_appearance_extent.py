@@ -85,6 +85,14 @@ def test_check_in_noise(side, height):
     assert find_extent(frame, *box.center).iou(box) > 0.6
 
 
+@pytest.mark.parametrize('side', [10, 14, 20])
+def test_small_thing_in_a_large_picture(side):
+    """What is a hundredth of the picture's height is found, as from a drone."""
+    box = Box.from_center(640, 400, side, side)
+    frame = picture(box, 1080, 1280)
+    assert find_extent(frame, *box.center).iou(box) > 0.6
+
+
 @pytest.mark.parametrize('x, y', [(140, 102), (160, 118), (158, 100), (142, 120)])
 def test_click_beside_the_middle(x, y):
     """The box isn't centred at the click, but at what was clicked on."""

@@ -10,8 +10,11 @@ from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 
-#: The windows that are looked at: their side, and the sizes sought there, in image heights.
-_WINDOWS = ((0.35, np.geomspace(0.02, 0.1, 8)[:-1]), (1.4, np.geomspace(0.1, 0.55, 9)))
+#: The windows that are looked at: their side, and the sizes sought there, in image heights; and
+#: what is too small to be seen, where the image isn't, in pixels.
+_WINDOWS = ((0.12, np.geomspace(0.01, 0.02, 4)[:-1]), (0.35, np.geomspace(0.02, 0.1, 8)[:-1]),
+            (1.4, np.geomspace(0.1, 0.55, 9)))
+_LEAST_SIZE = 8.0
 #: Width over height of the candidates.
 _ASPECTS = np.array([0.33, 0.45, 0.62, 0.8, 1.0, 1.25, 1.7, 2.2])
 #: A window is reduced to so many pixels a side, and to so many colours.
@@ -29,8 +32,9 @@ _LEAST_GRADIENT = 5.0
 #: So many pixels with the window's mean gradient count beside those of a box or a band: where
 #: there are few, or none, they say little.
 _USUAL_PIXELS = 9.0
-#: Mean and standard deviation of the logarithms of size, in image heights, and aspect.
-_SIZE, _ASPECT = (np.log(0.18), 0.7), (-0.25, 0.5)
+#: Mean and standard deviation of the logarithms of size, in roots of the image height (what is
+#: clicked on in larger images has more pixels, but a smaller share of them), and of aspect.
+_SIZE, _ASPECT = (np.log(2.7), 0.7), (-0.25, 0.5)
 #: The target is cut out of a part of the image that reaches that far about its box, in mean sides,
 #: reduced to so many pixels a side. The middle of the box, that share of its sides, is the
 #: target's; what is further than so many times them isn't.
@@ -44,7 +48,7 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     """
     Return the box about a point that is most probably the target's extent.
 
-    The candidates are boxes centred at the point, in two windows of the frame. How probable each
+    The candidates are boxes centred at the point, in three windows of the frame. How probable each
     is tell four things: the Jensen-Shannon divergence of the colours inside it from those about
     it; that there is more texture inside than about it; edges along its four sides; and how common
     its size and aspect are among targets. The answer is the candidate with the highest expected
@@ -61,7 +65,10 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
 
     """
     height, width = frame.shape[:2]
-    rows = [_candidates(frame, x, y, side * height, sizes * height) for side, sizes in _WINDOWS]
+    visible = min(_LEAST_SIZE / height, _WINDOWS[-1][1][-1])
+    windows = [(side, sizes[sizes >= visible]) for side, sizes in _WINDOWS]
+    rows = [_candidates(frame, x, y, side * height, sizes * height)
+            for side, sizes in windows if len(sizes)]
     sizes, scores = (np.concatenate(part) for part in zip(*rows))
     probability = np.exp(scores - scores.max())
     least = np.minimum(sizes[:, None], sizes).prod(axis=2)
@@ -70,7 +77,8 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     w, h = sizes[np.argmax(overlap @ probability)]
     box = Box.from_center(x, y, float(w), float(h))
     box = box.clipped(width, height) or box
-    return Box(*(box.as_array() + _cut_out(frame, box).as_array()) / 2)
+    box = Box(*(box.as_array() + _cut_out(frame, box).as_array()) / 2)
+    return box.clipped(width, height) or box
 
 
 def _candidates(frame: Frame, x: float, y: float, side: float,
@@ -86,7 +94,7 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
     center = (np.array([x, y]) - (left, top)) * scale
     boxes = np.concatenate([center - candidates * scale / 2, center + candidates * scale / 2], 1)
     prior = sum(-0.5 * ((np.log(value) - mean) / deviation) ** 2 for value, (mean, deviation) in (
-        (size / height, _SIZE), (aspect, _ASPECT)))
+        (size / math.sqrt(height), _SIZE), (aspect, _ASPECT)))
     difference = _COLOUR * _difference_in_colour(window, boxes) + _edges(window, boxes)
     return candidates, _PRIOR * prior + difference
 
