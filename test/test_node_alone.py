@@ -92,12 +92,17 @@ sys.meta_path.insert(0, Loads())
 
 def test_nothing_is_loaded_while_images_come():
     """Read for the first time, and compiled, a module stops the node for several frames."""
-    with NodeProcess(prelude=TELL_LOADS, init_box=BOX) as process, Client() as client:
+    with NodeProcess(prelude=TELL_LOADS, init_box=BOX, target_width=0.6,
+                     target_frame='ball') as process, Client() as client:
+        camera = client.publisher('camera_info', CameraInfo)
         for topic, kind in (('/diagnostics', DiagnosticArray), ('~/debug_image', Image),
                             ('~/particles', PoseArray)):
             client.hear(topic, kind)
         client.ready()
         assert 'loads numpy' in process.log
+        calibration = CameraInfo(width=SCENE.width, height=SCENE.height)
+        calibration.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
+        camera.publish(calibration)
         since, stamp = process.log.index('images are taken'), 10**9
         for index in range(40):
             # frames are lost, stamps shake, and the target darts off
@@ -108,6 +113,7 @@ def test_nothing_is_loaded_while_images_come():
         assert int(values['frames missing']) > 0
         client.until(lambda: client.heard['~/debug_image'] and client.heard['~/particles'],
                      'neither picture nor particles')
+        assert 'pose units: metres' in process.log
         assert 'loads' not in process.log[since:]
 
 

@@ -217,6 +217,7 @@ class Pipeline:
             self._log.warning(
                 f'{self._session.tracker} cannot start on the target: it is forgotten')
         self._services.listen_to_detector(bool(settings['init_from_detections']))
+        self._place.offer()
         self._changed()
 
     def _watch_inputs(self) -> None:

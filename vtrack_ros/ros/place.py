@@ -39,6 +39,12 @@ class Place:
         self._publishers = publishers
         self._camera: Camera | None = None
         self.units = self._told_units = ''
+        self.offer()
+
+    def offer(self) -> None:
+        """Offer what the parameters ask for, before images come: to load it takes a while."""
+        if self._node.settings.text('target_frame'):
+            self._publishers.offer_transforms()
 
     def publish(self, header: Any, frame: Frame, estimate: Estimate) -> None:
         """Publish what is measured in a frame, whose header it is, or what has become of it."""

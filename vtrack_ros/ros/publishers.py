@@ -82,9 +82,8 @@ class Publishers:
             self._twist.publish(TwistWithCovarianceStamped(
                 header=header, twist=poses.twist_with_covariance(self._types, *velocity)))
 
-    def publish_transform(self, header: Any, position: Position, angle: float,
-                          child: str) -> None:
-        """Publish the transform from the image's frame to the target's, given tf2_msgs."""
+    def offer_transforms(self) -> None:
+        """Offer /tf, given tf2_msgs; the log says once if there is none."""
         if self._with_transforms is None:
             # Only asked for once: what isn't installed now won't be later.
             self._with_transforms = installed('tf2_msgs', 'no transform is sent', self._node)
@@ -92,6 +91,10 @@ class Publishers:
                 self._transforms = self._node.create_publisher(
                     self._types['tf2_msgs/msg/TFMessage'], '/tf', QoSProfile(depth=100))
                 self._all.append(self._transforms)
+
+    def publish_transform(self, header: Any, position: Position, angle: float,
+                          child: str) -> None:
+        """Publish the transform from the image's frame to the target's, if it's offered."""
         if self._wanted(self._transforms):
             x, y, z = (float(value) for value in position.point)
             transform = TransformStamped(header=header, child_frame_id=child)
