@@ -63,7 +63,8 @@ def hanging(tmp_path):
     if not shutil.which('cc'):
         pytest.skip('needs a C compiler')
     library = tmp_path / 'hanging.so'
-    source = 'int rmw_destroy_node(void *node) { for (;;) (void) node; }'
+    source = ('#include <unistd.h>\n'
+              'int rmw_destroy_node(void *node) { for (;;) pause(); }')
     subprocess.run(['cc', '-shared', '-fPIC', '-x', 'c', '-', '-o', library], input=source,
                    text=True, check=True)
     return {**os.environ, 'LD_PRELOAD': str(library)}
