@@ -28,11 +28,13 @@ from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.frame import Array
+from vtrack_ros.localisation.filter_parameters import PRESENCE
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
 KINDS = {'plain': 1.0, 'gaps': 10.0, 'shake': 0.6, 'hidden': 30.0, 'twin': 0.4}
 THRESHOLDS = np.linspace(0.01, 0.99, 99)
+DEFAULT = float(PRESENCE['confidence_threshold'].default)
 
 
 @dataclass(frozen=True)
@@ -76,11 +78,11 @@ def rows(records: list[Record]) -> list[list[str]]:
             confidence, on, off, vanished = (np.concatenate([
                 getattr(one, name) for one in runs])
                 for name in ('confidence', 'on', 'off', 'vanished'))
-            at_once = confidence[vanished] < 0.5
+            at_once = confidence[vanished] < DEFAULT
             table.append([
                 half, kind, f'{auroc(confidence[on], confidence[off]):.3f}',
-                f'{100 * np.mean([one.wrong(0.5) for one in runs]):.1f} %',
-                f'{100 * np.nanmean([one.alarms(0.5) for one in runs]):.1f} %',
+                f'{100 * np.mean([one.wrong(DEFAULT) for one in runs]):.1f} %',
+                f'{100 * np.nanmean([one.alarms(DEFAULT) for one in runs]):.1f} %',
                 f'{at_once.sum()} of {len(at_once)}' if kind == 'hidden' else ''])
     return table
 
@@ -94,12 +96,13 @@ def draw(records: dict[str, list[Record]], path: Path) -> None:
                 for name, dashes in (('plain', '-'), ('under stress', '--')):
                     runs = [one for one in every if one.half == half
                             and (one.kind == 'plain') == (name == 'plain')]
-                    curve = 100 * np.array([[
+                    *curve, default = 100 * np.array([[
                         np.nanmean([one.alarms(at) for one in runs]),
-                        np.mean([one.wrong(at) for one in runs])] for at in THRESHOLDS])
-                    line, = axes.plot(*curve.T, dashes, label=f'{tracker}, {name}',
+                        np.mean([one.wrong(at) for one in runs])]
+                        for at in (*THRESHOLDS, DEFAULT)])
+                    line, = axes.plot(*np.transpose(curve), dashes, label=f'{tracker}, {name}',
                                       color=colour(number))
-                    axes.plot(*curve[49], 'o', color=line.get_color())
+                    axes.plot(*default, 'o', color=line.get_color())
             axes.set(title=title, xlabel='false alarms [%]', xlim=(0, 30), ylim=(0, None))
         figure.axes[0].set_ylabel('wrong boxes [%]')
         figure.axes[1].legend(frameon=False)
@@ -126,8 +129,8 @@ The first {arguments.frames} frames of {len(found)} targets of the shared sequen
 {arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong where the
 state is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm
 is a frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at
-`confidence_threshold` 0.5; the AUROC is over all frames. The weights of the evidence were found on
-both halves, each weighed on the other (see [decisions](../decisions.md)).
+`confidence_threshold` {DEFAULT}; the AUROC is over all frames. The weights of the evidence were
+found on both halves, each weighed on the other (see [decisions](../decisions.md)).
 
 ![Wrong boxes against false alarms](../images/presence.svg)
 

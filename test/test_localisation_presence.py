@@ -137,14 +137,15 @@ def test_who_is_hardly_there_may_be_as_far_away_as_who_is_as_likely_as_not():
     np.testing.assert_allclose(presence.least_covariance(400.0, 0.1, 0.1), expected)
 
 
-def test_the_threshold_says_what_counts_as_seen():
-    """A confidence is enough or not: the evidence is the same."""
+def test_the_threshold_says_what_is_said_but_not_what_is_done():
+    """A confidence is enough or not: the evidence is the same, and a tracker goes by that."""
     lenient, strict = PresenceDetector(), PresenceDetector()
     lenient.threshold, strict.threshold = 0.1, 0.9
     for each in (lenient, strict):
         each.judge(0.09, 4.5, 1.0, elsewhere=True)
     assert 0.1 < lenient.confidence == strict.confidence < 0.9
-    assert (lenient.unseen_frames, strict.unseen_frames) == (0, 1)
+    assert (lenient.absent_frames, strict.absent_frames) == (0, 1)
+    assert lenient.unseen_frames == strict.unseen_frames
 
 
 def test_motion_has_a_say_in_what_is_said_but_not_in_what_is_done():

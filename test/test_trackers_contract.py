@@ -204,6 +204,25 @@ def test_it_says_so_when_the_target_leaves_the_image(name):
 
 
 @ALL
+def test_no_box_depends_on_what_confidence_is_enough(name):
+    """A threshold says when a target is said to be tracked, and not where it is."""
+    video = DrawnVideo()
+    path = [*straight(8, (2.0, 1.0)), *[None] * 6, *straight(20, (2.0, 1.0))[14:]]
+    trackers = [create_tracker(name, confidence_threshold=value, seed=1)
+                for value in (0.05, 0.95)]
+    first = video.frame(path[0])
+    for tracker in trackers:
+        tracker.start(first, box_at(path[0]))
+    states = []
+    for frame in map(video.frame, path[1:]):
+        lenient, strict = (tracker.update(frame) for tracker in trackers)
+        np.testing.assert_array_equal(lenient.box.as_array(), strict.box.as_array())
+        assert lenient.confidence == strict.confidence
+        states.append((lenient.state, strict.state))
+    assert any(lenient is TrackState.TRACKING is not strict for lenient, strict in states)
+
+
+@ALL
 def test_memory_stays_small_at_full_hd(name):
     """All that a tracker holds on to after frames of 1920 x 1080: less than 50 MB."""
     rng = np.random.default_rng(0)

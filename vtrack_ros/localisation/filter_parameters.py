@@ -5,8 +5,8 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 
 #: Of everything that localises a target.
 PRESENCE = ParameterTable([
-    Parameter('confidence_threshold', 0.5, 'Least confidence with which the target counts as '
-              'seen, and its pose is published: more of it means fewer wrong boxes, and more '
+    Parameter('confidence_threshold', 0.45, 'Least confidence with which the target is said to be '
+              'tracked, and its pose is published: more of it means fewer wrong boxes, and more '
               'frames without one.', 0.01, 0.99),
 ])
 #: Of every filter on top of a localiser.

@@ -207,7 +207,7 @@ class Hypotheses:
         return self._decide() or elsewhere
 
     def require(self, confidence: float) -> None:
-        """Count the target as seen from this confidence on."""
+        """Say that the target is there from this confidence on."""
         for each in self._similarities:
             each.require(confidence)
 

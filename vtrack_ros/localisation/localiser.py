@@ -184,7 +184,7 @@ class Localiser:
         return elsewhere
 
     def require(self, confidence: float) -> None:
-        """Count the target as seen from this confidence on."""
+        """Say that the target is there from this confidence on."""
         self._presence.threshold = confidence
 
     def transform(self, growth: float, turn: float) -> None:

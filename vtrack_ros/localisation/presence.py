@@ -145,18 +145,19 @@ class PresenceDetector:
     model is sharp as well. Neither alone tells as much as both. A similarity that fell abruptly
     speaks against it, one that faded doesn't.
 
-    What is said of the target counts its motion too (`confidence`, `absent_frames`). What a
-    tracker does goes by the look alone (`unseen_frames`): whoever searches elsewhere because the
-    target rests loses more than is found.
+    What is said of the target counts its motion too (`confidence`, `absent_frames`), and whoever
+    wants fewer wrong boxes, or fewer frames without one, says from which confidence on it's there.
+    What a tracker does goes by the look alone, and by even odds (`unseen_frames`): whoever
+    searches elsewhere because the target rests loses more than is found.
     """
 
     def __init__(self) -> None:
         self._evidence = self._said = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
-        """The confidence from which on the target counts as seen."""
+        """The confidence from which on the target is said to be there."""
         self.unseen_frames = 0.0
-        """For so many frames the target hasn't been seen; 0 if it was in the last one."""
+        """For so many frames it has rather not been seen; 0 if it was in the last one."""
         self.absent_frames = 0.0
         """For so many frames it's said not to be there; 0 if it was in the last one."""
 
@@ -191,7 +192,7 @@ class PresenceDetector:
             latest -= _FALL_WEIGHT
         self._evidence = latest if elsewhere else self._averaged(latest)
         self._said = self._evidence + (0.0 if elsewhere else motion)
-        seen, said = (logistic(value) >= self.threshold for value in (self._evidence, self._said))
+        seen, said = self._evidence >= 0.0, self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
         self.absent_frames = 0.0 if said else self.absent_frames + dt
 
