@@ -10,8 +10,8 @@ from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 
-#: The windows that are looked at: their side, and the sizes sought there, in image heights; and
-#: what is too small to be seen, where the image isn't, in pixels.
+#: The windows that are looked at: their side, and the sizes sought there, in image heights. What
+#: has fewer pixels a side than that can't be told, unless the image has no more itself.
 _WINDOWS = ((0.12, np.geomspace(0.01, 0.02, 4)[:-1]), (0.35, np.geomspace(0.02, 0.1, 8)[:-1]),
             (1.4, np.geomspace(0.1, 0.55, 9)))
 _LEAST_SIZE = 8.0

@@ -157,7 +157,7 @@ class PresenceDetector:
         self.threshold = 0.5
         """The confidence from which on the target is said to be there."""
         self.unseen_frames = 0.0
-        """For so many frames it has rather not been seen; 0 if it was in the last one."""
+        """For so many frames it was rather out of sight; 0 if it was seen in the last one."""
         self.absent_frames = 0.0
         """For so many frames it's said not to be there; 0 if it was in the last one."""
 
