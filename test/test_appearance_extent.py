@@ -15,7 +15,8 @@ def picture(box, height=240, width=320, seed=0):
     return frame
 
 
-@pytest.mark.parametrize('width, height', [(40, 40), (24, 60), (80, 44), (16, 16), (110, 110)])
+@pytest.mark.parametrize('width, height', [
+    (40, 40), (24, 60), (80, 44), (16, 16), (110, 110), (200, 170), (110, 215)])
 def test_thing_of_one_colour(width, height):
     """A thing that stands out has its extent found, whatever its size and shape."""
     box = Box.from_center(150, 110, width, height)

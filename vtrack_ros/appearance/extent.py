@@ -13,7 +13,7 @@ from vtrack_ros.geometry import Box
 #: The windows that are looked at: their side, and the sizes sought there, in image heights. What
 #: has fewer pixels a side than that can't be told, unless the image has no more itself.
 _WINDOWS = ((0.12, np.geomspace(0.01, 0.02, 4)[:-1]), (0.35, np.geomspace(0.02, 0.1, 8)[:-1]),
-            (1.4, np.geomspace(0.1, 0.55, 9)))
+            (1.4, np.geomspace(0.1, 0.55, 9)[:-1]), (2.4, np.geomspace(0.55, 1.0, 4)))
 _LEAST_SIZE = 8.0
 #: Width over height of the candidates.
 _ASPECTS = np.array([0.33, 0.45, 0.62, 0.8, 1.0, 1.25, 1.7, 2.2])
@@ -48,7 +48,7 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     """
     Return the box about a point that is most probably the target's extent.
 
-    The candidates are boxes centred at the point, in three windows of the frame. How probable each
+    The candidates are boxes centred at the point, in four windows of the frame. How probable each
     is tell four things: the Jensen-Shannon divergence of the colours inside it from those about
     it; that there is more texture inside than about it; edges along its four sides; and how common
     its size and aspect are among targets. The answer is the candidate with the highest expected
