@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     if FOLDER not in os.environ:
         print(f'{FOLDER} has to name the folder of the networks', file=sys.stderr)
         return 2
-    trackers = _trackers(Path(os.environ[FOLDER]))
+    trackers = trackers_with_network(Path(os.environ[FOLDER]))
     whole, _ = folder_sequences(arguments.sequences, arguments.frames or None)
     short, _ = folder_sequences(arguments.sequences, arguments.stressed or None)
     cache = RunCache(default_folder())
@@ -69,7 +69,8 @@ def main(argv: list[str] | None = None) -> int:
     return 1 if problems else 0
 
 
-def _trackers(folder: Path) -> list[TrackerSpecification]:
+def trackers_with_network(folder: Path) -> list[TrackerSpecification]:
+    """Return `gmpf` with and without the network, and the network alone."""
     backbone, head = (str(folder / f'nanotrack_{part}_sim.onnx') for part in ('backbone', 'head'))
     return [
         TrackerSpecification(DCF, 'gmpf'),

@@ -1,0 +1,131 @@
+"""
+Accuracy on videos that nothing was tuned on: the twenty of the validation set of DAVIS 2016.
+
+`[VTRACK_NANOTRACK=FOLDER] scripts/peers --python benchmarks/davis.py DAVIS` writes
+docs/results/davis.md; DAVIS is the folder with JPEGImages/480p and Annotations/480p, as published
+[Perazzi et al. 2016]. A true box is the bound of a frame's mask. With the network's files
+(`localisers.py`) the trackers that need them are compared, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+import sys
+
+from clicks import BESIDE, clicked
+import cv2
+from localisers import ALONE, FOLDER, SIAMESE, trackers_with_network
+import numpy as np
+from result_files import facts_text, interval_text
+from sequences import difference, ROOT
+
+from vtrack_ros.appearance.extent import find_extent
+from vtrack_ros.bags.image_folder import image_files, read_image
+from vtrack_ros.cli.progress import ProgressBar
+from vtrack_ros.evaluation import evaluate, FolderSequence, parse_trackers, Results
+from vtrack_ros.evaluation.cache import default_folder, RunCache
+from vtrack_ros.evaluation.results_json import environment
+from vtrack_ros.evaluation.table import markdown, number_text, TITLES
+from vtrack_ros.frame import Array
+
+#: The validation set: its training set and DAVIS 2017 have others.
+VIDEOS = (
+    'blackswan', 'bmx-trees', 'breakdance', 'camel', 'car-roundabout', 'car-shadow', 'cows',
+    'dance-twirl', 'dog', 'drift-chicane', 'drift-straight', 'goat', 'horsejump-high',
+    'kite-surf', 'libby', 'motocross-jump', 'paragliding-launch', 'parkour', 'scooter-black',
+    'soapbox')
+TRACKERS = 'gmpf,pqkpf,abmspf,appf,pf,dcf,opencv_csrt,opencv_kcf'
+#: Targets are of these sizes: roots of their area, in image heights.
+SIZES = ((0.0, 0.3), (0.3, 0.55), (0.55, 1.0))
+COLUMNS = ('auc', 'precision20', 'normalised_precision', 'failures', 'auroc', 'false_alarms',
+           'wrong_tracking', 'coverage90')
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Evaluate, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[1])
+    parser.add_argument('davis', type=Path, metavar='DAVIS')
+    parser.add_argument('--seeds', type=int, default=5)
+    parser.add_argument('--jobs', type=int)
+    parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
+    arguments = parser.parse_args(argv)
+    trackers = parse_trackers(TRACKERS)
+    if FOLDER in os.environ:
+        trackers = [*trackers, *(one for one in trackers_with_network(Path(os.environ[FOLDER]))
+                                 if one.label in (SIAMESE, ALONE))]
+    videos = [masked_sequence(arguments.davis, name) for name in VIDEOS]
+    results = evaluate(trackers, videos, arguments.seeds, arguments.jobs, ProgressBar('runs'),
+                       RunCache(default_folder()))
+    for problem in results.problems:
+        print(f'failed: {problem}', file=sys.stderr)
+    page = _page(results) + _clicks(videos)
+    (arguments.out / 'davis.md').write_text(page, encoding='utf-8')
+    print(page)
+    return 1 if results.problems else 0
+
+
+def masked_sequence(davis: Path, name: str) -> FolderSequence:
+    """Return a video of DAVIS, its true boxes the bounds of its masks."""
+    truth = np.array([bound(read_image(path))
+                      for path in image_files(davis / 'Annotations' / '480p' / name)])
+    return FolderSequence(name, truth, image_files(davis / 'JPEGImages' / '480p' / name))
+
+
+def bound(mask: Array) -> tuple[float, float, float, float]:
+    """Return x, y, width and height of what isn't black; NaN where all is."""
+    x, y, width, height = cv2.boundingRect(mask.max(axis=2))
+    return (x, y, width, height) if width else (np.nan,) * 4
+
+
+def _page(results: Results) -> str:
+    ranked = sorted(results.summary, key=lambda label: -results.summary[label]['auc'])
+    references = [label for label in ('opencv_csrt', ALONE) if label in results.summary]
+    rows = [['tracker', *(TITLES[key] for key in COLUMNS),
+             *(f'AUC minus {label} [95 %]' for label in references)]]
+    for label in ranked:
+        scores = results.summary[label]
+        rows.append([label, *(number_text(scores[key], key) for key in COLUMNS),
+                     *('-' if label == other else interval_text(difference(results, label, other))
+                       for other in references)])
+    by_video = [['video', *ranked]]
+    by_video += [[name, *(f'{row[label]["auc"]:.3f}' for label in ranked)]
+                 for name, row in results.by_sequence.items()]
+    frames = [len(one.truth) for one in results.sequences.values()]
+    return (
+        '# Videos that nothing was tuned on\n\n'
+        f'The validation set of DAVIS 2016 [Perazzi et al. 2016]: {len(frames)} videos of '
+        f'{min(frames)} to {max(frames)} frames, 480 lines, whose targets come near, turn and '
+        'change their shape more than those of tracking benchmarks. A true box is the bound of '
+        "the frame's mask, so it's wider where somebody stretches his arms. No constant of a "
+        'tracker, and no decision about them, was chosen by these videos. All frames, '
+        f'{len(results.seeds)} seeds, one pass from the first true box. Made by `{FOLDER}=FOLDER '
+        'scripts/peers --python benchmarks/davis.py DAVIS`; what the figures mean is in '
+        '[evaluate.md](../evaluate.md).'
+        f'\n\n{facts_text(environment())}.\n\n'
+        f'## Means over the videos\n\n{markdown(rows)}\n\nIntervals are a bootstrap over the '
+        f'videos. The peers give no covariance.\n\n## AUC by video\n\n{markdown(by_video)}\n')
+
+
+def _clicks(videos: list[FolderSequence]) -> str:
+    """Return how far the boxes of clicks on the first frames overlap with the true ones."""
+    found = []
+    for one in videos:
+        frame = read_image(one.images[0])
+        found.append((np.sqrt(one.first_box.area) / len(frame), *(
+            clicked(find_extent, frame, one.first_box, places) for places in (((0, 0),), BESIDE))))
+    table = np.array(found)
+    rows = [['targets of, in image heights', 'videos', 'click at the centre', 'beside it']]
+    for least, most in SIZES:
+        those = table[(table[:, 0] >= least) & (table[:, 0] < most)]
+        rows.append([f'{least:g} to {most:g}', str(len(those)),
+                     *(f'{mean:.3f}' for mean in those[:, 1:].mean(axis=0))])
+    rows.append(['all', str(len(table)), *(f'{mean:.3f}' for mean in table[:, 1:].mean(axis=0))])
+    return (f'\n## A click instead of a box\n\n{markdown(rows)}\n\nOverlap (IoU) of the true box '
+            'with that of a click on the first frame, as in [clicks.md](clicks.md). What is large '
+            'and has parts of its own is taken for one of these: draw a box there.\n')
+
+
+if __name__ == '__main__':
+    sys.exit(main())
