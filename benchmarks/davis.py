@@ -16,10 +16,10 @@ import sys
 
 from clicks import BESIDE, clicked
 import cv2
-from localisers import ALONE, FOLDER, SIAMESE, trackers_with_network
+from localisers import ALONE, by_target, FOLDER, severities, SIAMESE, trackers_with_network
 import numpy as np
 from result_files import facts_text, interval_text
-from sequences import difference, ROOT
+from sequences import difference, interval, ROOT
 
 from vtrack_ros.appearance.extent import find_extent
 from vtrack_ros.bags.image_folder import image_files, read_image
@@ -27,6 +27,8 @@ from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, FolderSequence, parse_trackers, Results
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.results_json import environment
+from vtrack_ros.evaluation.stress import stressed_sequences
+from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
 from vtrack_ros.evaluation.table import markdown, number_text, TITLES
 from vtrack_ros.frame import Array
 
@@ -37,6 +39,8 @@ VIDEOS = (
     'kite-surf', 'libby', 'motocross-jump', 'paragliding-launch', 'parkour', 'scooter-black',
     'soapbox')
 TRACKERS = 'gmpf,pqkpf,abmspf,appf,pf,dcf,opencv_csrt,opencv_kcf'
+#: Under stress these are set beside the last one.
+STRESSED = ('gmpf', 'dcf')
 #: Targets are of these sizes: roots of their area, in image heights.
 SIZES = ((0.0, 0.3), (0.3, 0.55), (0.55, 1.0))
 COLUMNS = ('auc', 'precision20', 'normalised_precision', 'failures', 'auroc', 'false_alarms',
@@ -58,12 +62,18 @@ def main(argv: list[str] | None = None) -> int:
     videos = [masked_sequence(arguments.davis, name) for name in VIDEOS]
     results = evaluate(trackers, videos, arguments.seeds, arguments.jobs, ProgressBar('runs'),
                        RunCache(default_folder()))
-    for problem in results.problems:
+    kinds = [kind for kind in STRESS_KINDS if STRESS_KINDS[kind].plan is not None]
+    under = evaluate(
+        parse_trackers(','.join(STRESSED)),
+        stressed_sequences(videos, kinds, 0, with_content=True), [0], arguments.jobs,
+        ProgressBar('stress'), RunCache(default_folder()))
+    problems = [*results.problems, *under.problems]
+    for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)
-    page = _page(results) + _clicks(videos)
+    page = _page(results) + _stress(under, kinds) + _clicks(videos)
     (arguments.out / 'davis.md').write_text(page, encoding='utf-8')
     print(page)
-    return 1 if results.problems else 0
+    return 1 if problems else 0
 
 
 def masked_sequence(davis: Path, name: str) -> FolderSequence:
@@ -106,6 +116,23 @@ def _page(results: Results) -> str:
         f'\n\n{facts_text(environment())}.\n\n'
         f'## Means over the videos\n\n{markdown(rows)}\n\nIntervals are a bootstrap over the '
         f'videos. The peers give no covariance.\n\n## AUC by video\n\n{markdown(by_video)}\n')
+
+
+def _stress(under: Results, kinds: list[str]) -> str:
+    """Return how the trackers' AUC compares with that of the model alone under stress."""
+    *filters, model = STRESSED
+    auc = {kind: {label: by_target([under], kind, label) for label in STRESSED} for kind in kinds}
+    auc['mean'] = {label: np.mean([auc[kind][label] for kind in kinds], axis=0)
+                   for label in STRESSED}
+    rows = [['', *STRESSED, *(f'{label} minus {model} [95 %]' for label in filters)]]
+    for kind, of_kind in auc.items():
+        title = '**mean**' if kind == 'mean' else f'{kind} {severities(kind)}'
+        rows.append([title, *(f'{of_kind[label].mean():.3f}' for label in STRESSED),
+                     *(interval_text(interval(of_kind[label] - of_kind[model]))
+                       for label in filters)])
+    return (f'\n## Under stress\n\n{markdown(rows)}\n\nAUC, the mean over the severities of each '
+            'kind ([evaluate.md](../evaluate.md)), one seed; intervals are a bootstrap over the '
+            'videos.\n')
 
 
 def _clicks(videos: list[FolderSequence]) -> str:

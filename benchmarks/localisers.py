@@ -52,7 +52,7 @@ def main(argv: list[str] | None = None) -> int:
     under = [evaluate(networks, stressed_sequences(short, kinds, seed, with_content=True), [seed],
                       arguments.jobs, ProgressBar(f'stress {seed}'), cache)
              for seed in range(arguments.stress_seeds)]
-    stressed = {kind: {one.label: _by_target(under, kind, one.label) for one in networks}
+    stressed = {kind: {one.label: by_target(under, kind, one.label) for one in networks}
                 for kind in kinds}
     problems = [str(one) for results in (plain, *under) for one in results.problems]
     for problem in problems:
@@ -79,7 +79,7 @@ def trackers_with_network(folder: Path) -> list[TrackerSpecification]:
         TrackerSpecification(ALONE, 'opencv_nano', (('backbone', backbone), ('head', head)))]
 
 
-def _by_target(results: list[Results], kind: str, tracker: str) -> Array:
+def by_target(results: list[Results], kind: str, tracker: str) -> Array:
     """Return a tracker's AUC under a kind of stress, shape (targets,), the mean of its runs."""
     found = defaultdict(list)
     for one in results:
@@ -89,7 +89,8 @@ def _by_target(results: list[Results], kind: str, tracker: str) -> Array:
     return np.array([np.mean(each) for each in found.values()])
 
 
-def _severities(kind: str) -> str:
+def severities(kind: str) -> str:
+    """Return the severities of a kind of stress, as a page shows them."""
     return ', '.join(f'{severity:g}' for severity in STRESS_KINDS[kind].severities)
 
 
@@ -104,7 +105,7 @@ def _page(plain: Results, stressed: dict[str, dict[str, Array]],
                      *(f'{np.mean(half):.3f}' for half in halves),
                      '-' if label == ALONE else interval_text(difference(plain, label, ALONE))])
     under = [['', SIAMESE, ALONE, f'{SIAMESE}, minus {ALONE} [95 %]']]
-    rates = {f'{kind} {_severities(kind)} ({STRESS_KINDS[kind].unit})': list(of_kind.values())
+    rates = {f'{kind} {severities(kind)} ({STRESS_KINDS[kind].unit})': list(of_kind.values())
              for kind, of_kind in stressed.items()}
     rates['**mean**'] = np.mean(list(rates.values()), axis=0)
     for kind, (ours, alone) in rates.items():
