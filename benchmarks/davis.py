@@ -19,9 +19,10 @@ import cv2
 from localisers import ALONE, by_target, FOLDER, severities, SIAMESE, trackers_with_network
 import numpy as np
 from result_files import facts_text, interval_text
-from sequences import difference, interval, ROOT
+from sequences import difference, interval, needed_peers_found, ROOT
 
 from vtrack_ros.appearance.extent import find_extent
+from vtrack_ros.bags import SequenceError
 from vtrack_ros.bags.image_folder import image_files, read_image
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, FolderSequence, parse_trackers, Results
@@ -55,18 +56,25 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument('--jobs', type=int)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
     arguments = parser.parse_args(argv)
+    if not needed_peers_found('davis.py DAVIS'):
+        return 2
     trackers = parse_trackers(TRACKERS)
     if FOLDER in os.environ:
         trackers = [*trackers, *(one for one in trackers_with_network(Path(os.environ[FOLDER]))
                                  if one.label in (SIAMESE, ALONE))]
-    videos = [masked_sequence(arguments.davis, name) for name in VIDEOS]
-    results = evaluate(trackers, videos, arguments.seeds, arguments.jobs, ProgressBar('runs'),
-                       RunCache(default_folder()))
+    try:
+        videos = [masked_sequence(arguments.davis, name) for name in VIDEOS]
+    except SequenceError as error:
+        print(error, file=sys.stderr)
+        return 2
+    cache = RunCache(default_folder())
+    results = evaluate(
+        trackers, videos, arguments.seeds, arguments.jobs, ProgressBar('runs'), cache)
     kinds = [kind for kind in STRESS_KINDS if STRESS_KINDS[kind].plan is not None]
     under = evaluate(
         parse_trackers(','.join(STRESSED)),
         stressed_sequences(videos, kinds, 0, with_content=True), [0], arguments.jobs,
-        ProgressBar('stress'), RunCache(default_folder()))
+        ProgressBar('stress'), cache)
     problems = [*results.problems, *under.problems]
     for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)

@@ -46,9 +46,7 @@ COLUMNS = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures'
 def main(argv: list[str] | None = None) -> int:
     """Evaluate, write the results and check the references."""
     arguments = _arguments(argv)
-    if not {'opencv_csrt', 'opencv_kcf'} <= set(available_peers()):
-        print('this OpenCV has neither CSRT nor KCF; run it as\n'
-              '  scripts/peers --python benchmarks/sequences.py', file=sys.stderr)
+    if not needed_peers_found('sequences.py'):
         return 2
     sequences, broken = folder_sequences(arguments.sequences)
     problems = [f'{name}: {why}' for name, why in broken.items()]
@@ -67,6 +65,15 @@ def main(argv: list[str] | None = None) -> int:
     for problem in problems:
         print(f'failed: {problem}', file=sys.stderr)
     return 1 if problems or not holds else 0
+
+
+def needed_peers_found(call: str) -> bool:
+    """Tell whether OpenCV has the peers; if not, say how a benchmark is called with them."""
+    found = {'opencv_csrt', 'opencv_kcf'} <= set(available_peers())
+    if not found:
+        print('this OpenCV has neither CSRT nor KCF; run it as\n'
+              f'  scripts/peers --python benchmarks/{call}', file=sys.stderr)
+    return found
 
 
 def difference(results: Results, tracker: str, other: str) -> tuple[float, float, float]:
