@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -24,6 +25,7 @@ from sensor_msgs.msg import Image  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
 from vtrack_ros.bags import BagReader, messages  # noqa: E402
+from vtrack_ros.bags.player import Pace, Player  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.dds import leave, VARIABLES  # noqa: E402
 from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
@@ -166,6 +168,42 @@ while len(heard) < 50:
         assert finish(player)[0] == 0
         # It ends when it has heard all of them.
         assert listener.wait(PATIENCE) == 0
+    finally:
+        listener.kill()
+        listener.wait()
+
+
+def test_the_first_image_is_waited_for(repository):
+    """Who takes the newest alone misses none, however late he is ready for the first one."""
+    code = """
+import rclpy
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Image
+
+rclpy.init()
+node = rclpy.create_node('late')
+node.create_subscription(Image, 'image', lambda message: print(
+    message.header.stamp.sec * 10 ** 9 + message.header.stamp.nanosec, flush=True),
+    QoSProfile(depth=1))
+rclpy.spin(node)
+"""
+    listener = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    try:
+        with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
+            with Player(own.node, bag, ['image']) as player:
+                assert player.wait_for_subscribers(PATIENCE)
+                # The player knows of it, and it has nothing yet: three images' time.
+                listener.send_signal(signal.SIGSTOP)
+                for seconds, action in ((1.2, lambda: listener.send_signal(signal.SIGCONT)),
+                                        (3.0, player.stop.make)):
+                    threading.Timer(seconds, action).start()
+                played = player.play(Pace(rate=0.1), patience=PATIENCE)
+            sent = [image.stamp for image in bag.frames()][:played.images]
+        heard = [int(listener.stdout.readline())]
+        while heard[-1] != sent[-1]:
+            heard.append(int(listener.stdout.readline()))
+        assert heard == sent
+        assert len(sent) > 1
     finally:
         listener.kill()
         listener.wait()

@@ -16,6 +16,8 @@ from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 
 #: How long the player waits for reliable subscribers to have what was sent, in seconds.
 _LONGEST_WAIT = 2.0
+#: How long it waits for them before it looks whether it's to stop, in seconds.
+_PAUSE = 0.05
 #: How many messages a publisher keeps for reliable subscribers that are held up: seconds of images
 #: at their pace. One that also keeps them for those who subscribe late has fewer.
 _DEPTH, _DEPTH_FOR_LATE = 100, 10
@@ -123,24 +125,26 @@ class Player:
             self.stop.wait(0.01)
         return False
 
-    def play(self, pace: Pace) -> Played:
+    def play(self, pace: Pace, patience: float = 0.0) -> Played:
         """
         Publish until the end or a request to stop; BagError if the bag turns out to be broken.
 
-        Every message has its time from the first one's, so that delays don't add up.
+        Every message has its time from the first one's, so that delays don't add up. Only once the
+        reliable subscribers to a topic's first image have it, or `patience` [s] is over, time goes
+        on: they may hear of the player later than it hears of them.
         """
         played = Played({self.published_name(topic.name): 0 for topic in self.topics})
         clock = self._clock_publisher() if pace.clock else None
         began = time.monotonic()
         while True:
-            self._play_once(pace, clock, played)
+            self._play_once(pace, clock, played, patience)
             if self.stop.made() or not pace.loop:
                 break
         played.seconds = time.monotonic() - began
         self._wait_for_acknowledgement()
         return played
 
-    def _play_once(self, pace: Pace, clock: Any, played: Played) -> None:
+    def _play_once(self, pace: Pace, clock: Any, played: Played, patience: float) -> None:
         began = time.monotonic()
         first: int | None = None
         tick = 0
@@ -155,8 +159,21 @@ class Player:
             if not self._sleep_until(began + due):
                 return
             self._publishers[message.topic].publish(bytes(message.data))
-            played.counts[self.published_name(message.topic)] += 1
-            played.images += message.topic in self._images
+            name = self.published_name(message.topic)
+            played.counts[name] += 1
+            if message.topic in self._images:
+                played.images += 1
+                if played.counts[name] == 1:
+                    began += self._wait_until_received(message.topic, patience)
+
+    def _wait_until_received(self, topic: str, seconds: float) -> float:
+        """Wait until reliable subscribers have all of a topic, or so long; return how long."""
+        from rclpy.duration import Duration
+        began = time.monotonic()
+        while (seconds > 0 and not self.stop.made() and time.monotonic() < began + seconds and
+               not self._publishers[topic].wait_for_all_acked(Duration(seconds=_PAUSE))):
+            pass
+        return time.monotonic() - began
 
     def _sleep_until(self, moment: float) -> bool:
         """Wait; return False if stopped."""

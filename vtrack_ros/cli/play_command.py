@@ -38,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--qos', choices=('auto', 'reliable', 'best_effort'), default='auto',
                         help='reliability to offer; auto: as recorded (default: %(default)s)')
     parser.add_argument('--wait', type=duration, default=5.0, metavar='SECONDS',
-                        help='wait so long, at most, for a subscriber to the images '
-                        '(default: %(default)s; 0: begin at once)')
+                        help='wait so long, at most, for a subscriber to the images, and '
+                        'until it has the first one (default: %(default)s; 0: begin at once)')
     parser.add_argument('--json', action='store_true', help='print the final count as JSON')
 
 
@@ -86,7 +86,7 @@ def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None
             player.wait_for_subscribers(arguments.wait) or player.stop.made()):
         print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',
               file=stream, flush=True)
-    played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock))
+    played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock), arguments.wait)
     _report(played, arguments.json)
 
 
