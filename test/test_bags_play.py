@@ -188,22 +188,24 @@ node.create_subscription(Image, 'image', lambda message: print(
 rclpy.spin(node)
 """
     listener = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    heard = []
+
+    def listen(player):
+        for line in listener.stdout:
+            heard.append(int(line))
+            if len(heard) == 3:
+                player.stop.make()
+
     try:
         with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
             with Player(own.node, bag, ['image']) as player:
                 assert player.wait_for_subscribers(PATIENCE)
-                # The player knows of it, and it has nothing yet: three images' time.
+                threading.Thread(target=listen, args=(player,), daemon=True).start()
+                # The player knows of it, and it has nothing yet: for more than an image's time.
                 listener.send_signal(signal.SIGSTOP)
-                for seconds, action in ((1.2, lambda: listener.send_signal(signal.SIGCONT)),
-                                        (3.0, player.stop.make)):
-                    threading.Timer(seconds, action).start()
-                played = player.play(Pace(rate=0.1), patience=PATIENCE)
-            sent = [image.stamp for image in bag.frames()][:played.images]
-        heard = [int(listener.stdout.readline())]
-        while heard[-1] != sent[-1]:
-            heard.append(int(listener.stdout.readline()))
-        assert heard == sent
-        assert len(sent) > 1
+                threading.Timer(1.2, listener.send_signal, (signal.SIGCONT,)).start()
+                player.play(Pace(rate=0.05), patience=PATIENCE)
+            assert heard[:3] == [image.stamp for image in bag.frames()][:3]
     finally:
         listener.kill()
         listener.wait()
