@@ -41,7 +41,7 @@ VIDEOS = (
     'soapbox')
 TRACKERS = 'gmpf,pqkpf,abmspf,appf,pf,dcf,opencv_csrt,opencv_kcf'
 #: Under stress these are set beside the last one.
-STRESSED = ('gmpf', 'dcf')
+STRESSED = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf', 'dcf')
 #: Targets are of these sizes: roots of their area, in image heights.
 SIZES = ((0.0, 0.3), (0.3, 0.55), (0.55, 1.0))
 COLUMNS = ('auc', 'precision20', 'normalised_precision', 'failures', 'auroc', 'false_alarms',
