@@ -211,6 +211,22 @@ rclpy.spin(node)
         listener.wait()
 
 
+def test_who_was_held_up_keeps_the_pace(repository):
+    """What is overdue isn't sent at once: a subscriber that takes the newest would miss it."""
+    with Listener() as listener:
+        heard = listener.hear(Image, 'image')
+        player = play(repository / 'bags' / 'face_fast', '--topic', 'image', '--wait', PATIENCE,
+                      '--json')
+        listener.spin_until(lambda: len(heard) >= 5, 'no images')
+        player.send_signal(signal.SIGSTOP)
+        time.sleep(1.0)
+        player.send_signal(signal.SIGCONT)
+        listener.spin_until(lambda: len(heard) == 50, 'images are missing')
+        code, out, _ = finish(player)
+    assert code == 0
+    assert json.loads(out)['seconds'] > 1.96 + 0.9
+
+
 def test_clock_loop_and_best_effort(repository):
     """The bag's time goes on air; a loop runs until it's stopped, and that is no failure."""
     with Listener() as listener:

@@ -18,6 +18,9 @@ from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 _LONGEST_WAIT = 2.0
 #: How long it waits for them before it looks whether it's to stop, in seconds.
 _PAUSE = 0.05
+#: Who is later than that, in seconds, was held up: by a busy disk, Ctrl-Z, or Fast DDS, which
+#: takes a third of a second to see whether somebody new is alive.
+_HELD_UP = 0.02
 #: How many messages a publisher keeps for reliable subscribers that are held up: seconds of images
 #: at their pace. One that also keeps them for those who subscribe late has fewer.
 _DEPTH, _DEPTH_FOR_LATE = 100, 10
@@ -129,9 +132,11 @@ class Player:
         """
         Publish until the end or a request to stop; BagError if the bag turns out to be broken.
 
-        Every message has its time from the first one's, so that delays don't add up. Only once the
-        reliable subscribers to a topic's first image have it, or `patience` [s] is over, time goes
-        on: they may hear of the player later than it hears of them.
+        Every message has its time from the first one's, so that delays don't add up; but after a
+        hold-up the others keep their distances, for a subscriber that takes the newest image alone
+        would miss what comes at once. Only once the reliable subscribers to a topic's first image
+        have it, or `patience` [s] is over, time goes on: they may hear of the player later than it
+        hears of them.
         """
         played = Played({self.published_name(topic.name): 0 for topic in self.topics})
         clock = self._clock_publisher() if pace.clock else None
@@ -158,6 +163,8 @@ class Player:
                 tick += 1
             if not self._sleep_until(began + due):
                 return
+            if (late := time.monotonic() - began - due) > _HELD_UP:
+                began += late
             self._publishers[message.topic].publish(bytes(message.data))
             name = self.published_name(message.topic)
             played.counts[name] += 1
