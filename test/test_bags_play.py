@@ -173,9 +173,7 @@ while len(heard) < 50:
         listener.wait()
 
 
-def test_the_first_image_is_waited_for(repository):
-    """Who takes the newest alone misses none, however late he is ready for the first one."""
-    code = """
+LATE = """
 import rclpy
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image
@@ -187,7 +185,11 @@ node.create_subscription(Image, 'image', lambda message: print(
     QoSProfile(depth=1))
 rclpy.spin(node)
 """
-    listener = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+
+
+def test_the_first_image_is_waited_for(repository):
+    """Who takes the newest alone misses none, however late he is ready for the first one."""
+    listener = subprocess.Popen([sys.executable, '-c', LATE], stdout=subprocess.PIPE, text=True)
     heard = []
 
     def listen(player):
@@ -209,6 +211,23 @@ rclpy.spin(node)
     finally:
         listener.kill()
         listener.wait()
+
+
+def test_who_never_receives_the_first_image_is_named(repository, capfd):
+    """A subscriber that hangs holds the player up for as long as it was told, and not silently."""
+    hanging = subprocess.Popen([sys.executable, '-c', LATE], stdout=subprocess.DEVNULL)
+    try:
+        with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
+            with Player(own.node, bag, ['image']) as player:
+                assert player.wait_for_subscribers(PATIENCE)
+                hanging.send_signal(signal.SIGSTOP)
+                played = player.play(Pace(rate=10.0), patience=0.3)
+        assert played.images == 50
+        said = capfd.readouterr().err
+        assert '/image' in said and 'not received the first image within 0.3 s' in said
+    finally:
+        hanging.kill()
+        hanging.wait()
 
 
 def test_who_was_held_up_keeps_the_pace(repository):

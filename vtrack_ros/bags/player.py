@@ -146,7 +146,7 @@ class Player:
             if self.stop.made() or not pace.loop:
                 break
         played.seconds = time.monotonic() - began
-        self._wait_for_acknowledgement()
+        self._wait_until_received(self._publishers, _LONGEST_WAIT)
         return played
 
     def _play_once(self, pace: Pace, clock: Any, played: Played, patience: float) -> None:
@@ -170,30 +170,30 @@ class Player:
             played.counts[name] += 1
             if message.topic in self._images:
                 played.images += 1
-                if played.counts[name] == 1:
-                    began += self._wait_until_received(message.topic, patience)
+                if played.counts[name] == 1 and patience:
+                    sent = time.monotonic()
+                    if not self._wait_until_received([message.topic], patience):
+                        self._node.get_logger().warning(
+                            f'{name}: a subscriber has not received the first image within '
+                            f'{patience:g} s (held up, or killed): playing all the same')
+                    began += time.monotonic() - sent
 
-    def _wait_until_received(self, topic: str, seconds: float) -> float:
-        """Wait until reliable subscribers have all of a topic, or so long; return how long."""
+    def _wait_until_received(self, topics: Iterable[str], seconds: float) -> bool:
+        """Wait until reliable subscribers have all of the topics; False if time was up before."""
         from rclpy.duration import Duration
-        began = time.monotonic()
-        while (seconds > 0 and not self.stop.made() and time.monotonic() < began + seconds and
-               not self._publishers[topic].wait_for_all_acked(Duration(seconds=_PAUSE))):
-            pass
-        return time.monotonic() - began
+        deadline = time.monotonic() + seconds
+        waiting = [self._publishers[topic] for topic in topics]
+        while waiting and not self.stop.made():
+            if waiting[-1].wait_for_all_acked(Duration(seconds=_PAUSE)):
+                waiting.pop()
+            elif time.monotonic() >= deadline:
+                return False
+        return True
 
     def _sleep_until(self, moment: float) -> bool:
         """Wait; return False if stopped."""
         left = moment - time.monotonic()
         return not (self.stop.wait(left) if left > 0 else self.stop.made())
-
-    def _wait_for_acknowledgement(self) -> None:
-        """Let reliable subscribers get what was sent last, before the publishers go."""
-        from rclpy.duration import Duration
-        deadline = time.monotonic() + _LONGEST_WAIT
-        for publisher in self._publishers.values():
-            left = max(0.0, deadline - time.monotonic())
-            publisher.wait_for_all_acked(Duration(seconds=left))
 
     def _chosen(self, wanted: Iterable[str] | None) -> list[Topic]:
         known = self._bag.topics
