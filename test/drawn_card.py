@@ -1,6 +1,7 @@
 """A drawn card that turns and grows over a duller background."""
 
 import cv2
+from drawn_video import noise_part, SIZE
 import numpy as np
 
 from vtrack_ros.geometry import affine, Box
@@ -18,8 +19,8 @@ class DrawnCard:
 
     size = (60.0, 44.0)
 
-    def __init__(self, grey=False, shape=(240, 320)):
-        self.background = 90 + card_texture(shape[1], shape[0], 1, 16) // 6
+    def __init__(self, grey=False):
+        self.background = 90 + card_texture(*SIZE, 1, 16) // 6
         self.card = card_texture(60, 44, 2, 7)
         self.grey = grey
 
@@ -27,11 +28,11 @@ class DrawnCard:
         matrix = np.zeros((2, 3))
         matrix[:, :2] = scale * affine.rotation(np.asarray(turn))
         matrix[:, 2] = np.array(center) - 0.5 - matrix[:, :2] @ (29.5, 21.5)
-        shape = self.background.shape[1::-1]
-        mask = cv2.warpAffine(np.full((44, 60), 255, np.uint8), matrix, shape)[:, :, None] / 255
-        drawn = self.background * (1 - mask) + mask * cv2.warpAffine(self.card, matrix, shape)
-        noise = np.random.default_rng(seed).normal(0, 3, drawn.shape)
-        result = np.clip(drawn + noise, 0, 255).astype(np.uint8)
+        mask = cv2.warpAffine(np.full((44, 60), 255, np.uint8), matrix, SIZE)[:, :, None]
+        mask = mask / np.float32(255)
+        drawn = self.background * (1 - mask) + mask * cv2.warpAffine(self.card, matrix, SIZE)
+        drawn += 3 * noise_part(np.random.default_rng(seed))
+        result = np.clip(drawn, 0, 255).astype(np.uint8)
         return cv2.cvtColor(result, cv2.COLOR_BGR2GRAY) if self.grey else result
 
     def box(self, center):

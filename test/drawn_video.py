@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -13,6 +14,9 @@ from vtrack_ros.geometry import Box
 SIZE = (320, 240)
 TARGET = (48, 40)
 START = (140.0, 110.0)
+#: More noise than an image needs, of three channels and deviation 1: each image has another part
+#: of it, for drawing it takes longer than all else here.
+NOISE = np.random.default_rng(1).standard_normal((SIZE[1] + 64, SIZE[0] + 64, 3), np.float32)
 
 
 def texture(shape: tuple[int, int], colours: list[tuple[int, int, int]], blob: int,
@@ -23,6 +27,12 @@ def texture(shape: tuple[int, int], colours: list[tuple[int, int, int]], blob: i
     fine = cv2.resize(coarse, (columns * blob, rows * blob), interpolation=cv2.INTER_CUBIC)
     fine = fine[:shape[0], :shape[1]] + rng.normal(0, 3, (*shape, 1))
     return np.clip(fine, 0, 255).astype(np.uint8)
+
+
+def noise_part(rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return as much of `NOISE` as an image has pixels."""
+    top, left = rng.integers(64, size=2)
+    return NOISE[top:top + SIZE[1], left:left + SIZE[0]]
 
 
 class DrawnVideo:
@@ -46,7 +56,7 @@ class DrawnVideo:
                                [0.0, 1.0, center[1] - TARGET[1] / 2]])
             cv2.warpAffine(self._target.astype(np.float32), matrix, SIZE, dst=image,
                            flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
-        image += noise * self._rng.standard_normal((*image.shape[:2], 1), np.float32)
+        image += noise * noise_part(self._rng)[..., :1]
         result = np.clip(image, 0, 255).astype(np.uint8)
         return result if self.colour else cv2.cvtColor(result, cv2.COLOR_BGR2GRAY)
 

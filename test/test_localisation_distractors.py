@@ -203,6 +203,7 @@ def test_neither_a_slow_double_nor_a_fast_one_is_followed(name, speed):
     assert kept >= 5
 
 
+@lru_cache(maxsize=4)
 def beside_its_first_look(seed, frames=30, changing=6):
     """Return frames, and the box, of a target that changes; then its first look is beside it."""
     rng = np.random.default_rng(seed)

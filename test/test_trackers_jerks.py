@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from drawn_video import texture
 import numpy as np
 import pytest
@@ -16,12 +18,14 @@ WIDTH, HEIGHT, SIDE = 320, 240, 30
 VIEWS = ((0, 0), (3, 0), (0, 0), (-1.8, -2.4), (1, 0.4), (0, 3), (-2, 1), (2, -1), (0, 0))
 
 
+@cache
 def jerked(seed):
     """Return the frames of a camera that looks elsewhere in every sixth one, and the boxes."""
     rng = np.random.default_rng(seed)
     ground = texture((640, 800), [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)],
                      12, rng)
     target = texture((SIDE, SIDE), [(20, 20, 200), (0, 220, 255), (10, 10, 40)], 8, rng)
+    film = []
     for step in range(6 * len(VIEWS)):
         scene = ground.copy()
         x, y = 385 + step // 2, 305 + step // 3
@@ -30,7 +34,8 @@ def jerked(seed):
             (240, 200), VIEWS[step // 6]))
         noise = rng.normal(0, 2, (HEIGHT, WIDTH, 1))
         frame = np.clip(scene[top:top + HEIGHT, left:left + WIDTH] + noise, 0, 255)
-        yield frame.astype(np.uint8), Box(x - left, y - top, SIDE, SIDE)
+        film.append((frame.astype(np.uint8), Box(x - left, y - top, SIDE, SIDE)))
+    return film
 
 
 @pytest.mark.parametrize('seed', range(3))
