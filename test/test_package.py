@@ -87,6 +87,17 @@ def test_pip(repository: Path, tmp_path: Path) -> None:
     assert set(found.metadata.get_all('Provides-Extra')) == extras
 
 
+def test_sources_that_are_not_installed_have_the_version_of_the_manifest(repository: Path,
+                                                                         tmp_path: Path) -> None:
+    """They are used as they are beside other trackers; a copy without a manifest has none."""
+    script = 'from vtrack_ros import __version__; print(__version__)'
+    # Without site-packages nothing is installed.
+    assert run(sys.executable, '-S', '-c', script, cwd=repository).strip() == (
+        ElementTree.parse(repository / 'package.xml').findtext('version'))
+    shutil.copytree(repository / 'vtrack_ros', tmp_path / 'vtrack_ros')
+    assert run(sys.executable, '-S', '-c', script, cwd=tmp_path).strip() == 'unknown'
+
+
 @pytest.fixture(scope='module')
 def workspace(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a workspace with the built package."""
