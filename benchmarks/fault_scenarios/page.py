@@ -35,7 +35,7 @@ _NOTES = """
 - A restarted node learns the target as it was selected. While it learned what was seen last, runs
   of 30 and 100 kills lost the target for good and said TRACKING, and another one of 100 did not.
   Once in 100 nothing came within 15 s, beside five busy processes on two cores; the next start
-  found the target. In another run, of 70, each did.
+  found the target. In two other runs, of 70 and of 100, each did.
 - Another size of the images gives the target up, as documented, and so does a clock that is set
   back: for those rows it was pointed out again, and the time counts from there. After an 8K image
   (99.5 MB) the process stays larger by about one."""
