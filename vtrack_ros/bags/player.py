@@ -179,11 +179,16 @@ class Player:
                     began += time.monotonic() - sent
 
     def _wait_until_received(self, topics: Iterable[str], seconds: float) -> bool:
-        """Wait until reliable subscribers have all of the topics; False if time was up before."""
+        """
+        Wait until reliable subscribers have all of the topics; False if time was up before.
+
+        A request to stop that is made meanwhile ends it: what was sent before one is still theirs.
+        """
         from rclpy.duration import Duration
         deadline = time.monotonic() + seconds
         waiting = [self._publishers[topic] for topic in topics]
-        while waiting and not self.stop.made():
+        stopped = self.stop.made()
+        while waiting and self.stop.made() is stopped:
             if waiting[-1].wait_for_all_acked(Duration(seconds=_PAUSE)):
                 waiting.pop()
             elif time.monotonic() >= deadline:
