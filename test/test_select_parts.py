@@ -10,8 +10,16 @@ from node_harness import PATIENCE
 from page_viewer import viewer
 import pytest
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image
+from vision_msgs.msg import (
+    BoundingBox2D, Detection2D, Detection2DArray, ObjectHypothesisWithPose)
 
+from vtrack_ros.dds import leave
 from vtrack_ros.selecting.access import is_loopback
 from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
@@ -46,6 +54,57 @@ def test_inputs_from_descriptors():
     for kind, value in (('int', True), ('int', '3'), ('int', 2**63), ('bool', 1), ('list', [])):
         with pytest.raises(ValueError, match='no value of kind'):
             parameter_value(kind, value)
+
+
+def test_an_answer_that_comes_before_its_image_is_shown_with_it():
+    """Until then the one before is shown with its own box; no picture is without one."""
+    context = Context()
+    rclpy.init(context=context)
+    tracker, watcher = (Node(name, context=context) for name in ('tracker', 'watcher'))
+    images = tracker.create_publisher(Image, '/image', 10)
+    answers = tracker.create_publisher(Detection2DArray, '/detections', 10)
+    tracker.create_subscription(Image, '/image', lambda _: None, 10)
+    executor, changes = SingleThreadedExecutor(context=context), []
+    for node in (tracker, watcher):
+        executor.add_node(node)
+    observer = Observer(watcher, '/tracker', lambda: changes.append(observer.picture()), print)
+    observer.watched = True
+
+    def stamped(message, second):
+        message.header.stamp.sec = second
+        return message
+
+    def seen(publisher, message):
+        """Return the next change's stamp and box, once a message has come."""
+        changes.clear()
+        deadline = time.monotonic() + PATIENCE
+        publisher.publish(message)
+        while not changes:
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+        _, shown = changes[-1]
+        return int(shown['stamp']) // 10**9, shown.get('box')
+
+    def answer(second):
+        result = ObjectHypothesisWithPose()
+        box = BoundingBox2D(size_x=2.0 * second, size_y=2.0 * second)
+        return stamped(Detection2DArray(detections=[Detection2D(results=[result], bbox=box)]),
+                       second)
+    try:
+        deadline = time.monotonic() + PATIENCE
+        while not (images.get_subscription_count() == 2 and answers.get_subscription_count()):
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+        assert seen(images, stamped(Image(), 1)) == (1, None)
+        assert seen(answers, answer(1)) == (1, [-1.0, -1.0, 2.0, 2.0])
+        assert seen(answers, answer(2)) == (1, [-1.0, -1.0, 2.0, 2.0])
+        assert seen(images, stamped(Image(), 2)) == (2, [-2.0, -2.0, 4.0, 4.0])
+    finally:
+        executor.shutdown()
+        observer.destroy()
+        for node in (tracker, watcher):
+            leave(node)
+        rclpy.try_shutdown(context=context)
 
 
 def test_it_closes_between_callbacks(monkeypatch):

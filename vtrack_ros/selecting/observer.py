@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
@@ -20,7 +20,8 @@ from vtrack_ros.ros.qos import Input
 if TYPE_CHECKING:
     from vtrack_ros.selecting.recording import Recording
 
-#: So many of the newest images wait for the node's answer; so many places make the trail.
+#: So many of the newest images wait for the node's answer, and answers for their image, which may
+#: come after it; so many places make the trail.
 _KEPT, _TRAIL = 8, 60
 #: An answer to an image that's no longer kept is shown on the newest for so long, in nanoseconds.
 _RECENT = 1_000_000_000
@@ -46,7 +47,7 @@ class Observer:
         self._target = target
         self._changed, self._said = changed, said
         self._images: deque[Any] = deque(maxlen=_KEPT)
-        self._answer: Any = None
+        self._answers: deque[Any] = deque(maxlen=_KEPT)
         self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
         self._identity = ''
         self._state: dict[str, str] = {}
@@ -96,14 +97,14 @@ class Observer:
         It's the newest that the node has answered, or the newest of all where the answers come
         much later or stay away: while it's paused, say.
         """
-        if not self._images:
+        # copied at once, for the executor's thread changes them
+        images, answers = tuple(self._images), tuple(self._answers)
+        if not images:
             return None
-        message, answer = self._images[-1], self._answer
-        known = answer and [one for one in self._images if one.header.stamp == answer.header.stamp]
+        message, answer = _answered(images, answers) or (
+            images[-1], answers[-1] if answers else None)
         shown: dict[str, Any] = {'state': dict(self._state), 'trail': list(self._trail),
                                  'recording': self._recording is not None}
-        if known:
-            message = known[-1]
         stamp = stamp_nanoseconds(message.header.stamp)
         if answer and 0 <= stamp - stamp_nanoseconds(answer.header.stamp) < _RECENT:
             shown |= _of_detection(answer)
@@ -154,14 +155,14 @@ class Observer:
             if self._recording.full:
                 self._said('the disk is full: ' + self.finish_recording())
         self._images.append(message)
-        if self._answer is None or self._answer.header.stamp not in [
-                one.header.stamp for one in self._images]:
+        answered = _answered(self._images, self._answers)
+        if answered is None or answered[0] is message:
             self._changed()
 
     def _on_answer(self, message: Any) -> None:
         if self._recording is not None:
             self._recording.add_answer(message)
-        self._answer = message
+        self._answers.append(message)
         one = message.detections[0] if message.detections else None
         if one is None or one.id != self._identity:
             self._trail.clear()
@@ -183,6 +184,15 @@ class Observer:
     def _on_log(self, message: Any) -> None:
         if message.name == self._target.strip('/').replace('/', '.') and message.level >= 30:
             self._said(str(message.msg))
+
+
+def _answered(images: Sequence[Any], answers: Sequence[Any]) -> tuple[Any, Any] | None:
+    """Return the newest answer whose image is there, behind that image; None where none is."""
+    for answer in reversed(answers):
+        for message in reversed(images):
+            if message.header.stamp == answer.header.stamp:
+                return message, answer
+    return None
 
 
 def _of_detection(answer: Any) -> dict[str, Any]:
