@@ -6,12 +6,13 @@ def __getattr__(name: str) -> str:
     if name != '__version__':
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     from importlib.metadata import PackageNotFoundError, version
-    from pathlib import Path
-    from xml.etree import ElementTree
     try:
         return version('vtrack_ros')
     except PackageNotFoundError:
         # The sources are used as they are, without being installed.
+        from pathlib import Path
+        from xml.etree import ElementTree
         manifest = Path(__file__).parents[1] / 'package.xml'
-        return (ElementTree.parse(manifest).findtext('version') if manifest.exists() else None
-                ) or 'unknown'
+        if not manifest.exists():
+            return 'unknown'
+        return ElementTree.parse(manifest).findtext('version', 'unknown')
