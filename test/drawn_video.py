@@ -56,8 +56,8 @@ class DrawnVideo:
                                [0.0, 1.0, center[1] - TARGET[1] / 2]])
             cv2.warpAffine(self._target.astype(np.float32), matrix, SIZE, dst=image,
                            flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_TRANSPARENT)
-        image += noise * noise_part(self._rng)[..., :1]
-        result = np.clip(image, 0, 255).astype(np.uint8)
+        image += cv2.cvtColor(noise * noise_part(self._rng)[..., 0], cv2.COLOR_GRAY2BGR)
+        result = np.clip(image, 0, 255, out=image).astype(np.uint8)
         return result if self.colour else cv2.cvtColor(result, cv2.COLOR_BGR2GRAY)
 
     def frames(self, centers: Iterable[tuple[float, float] | None]) -> Iterator[Frame]:
