@@ -37,6 +37,37 @@ def test_absence_is_told_at_once_and_counted_in_frames():
     assert presence.confidence == anew.confidence > 0.95
 
 
+def found_after(frames):
+    """Return who wasn't there for so many frames, and then is there by about two to one."""
+    presence = PresenceDetector()
+    for _ in range(frames):
+        presence.judge(0.02, 2.5, 1.0)
+    for _ in range(10):
+        presence.judge(0.1, 3.8, 1.0)
+    return presence
+
+
+def test_who_was_lost_for_long_has_to_be_recognised():
+    """In each frame without it something else may look like it: so the odds fall."""
+    soon, late = found_after(30), found_after(60)
+    assert soon.absent_frames == 0 < late.absent_frames
+    assert logit(soon.confidence) - logit(late.confidence) == pytest.approx(np.log(2), abs=0.2)
+    assert found_after(300).confidence == found_after(3000).confidence < late.confidence
+
+
+def test_who_is_recognised_after_long_is_there_as_before():
+    """From then on half a likeness is enough again; what it does meanwhile knows no doubt."""
+    presence = found_after(300)
+    assert presence.unseen_frames == 0 < presence.absent_frames
+    for _ in range(4):
+        presence.judge(0.3, 6.0, 1.0)
+    assert presence.absent_frames == 0
+    for _ in range(10):
+        presence.judge(0.1, 3.8, 1.0)
+    assert presence.absent_frames == 0
+    assert presence.confidence == pytest.approx(found_after(0).confidence, abs=1e-3)
+
+
 def test_similarity_and_sharpness_make_up_for_one_another():
     """A target that has turned is known by its sharp response, a blurred one by its look."""
     def confidence(similarity, sharpness):

@@ -49,6 +49,9 @@ _SURE = 1.0
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
 #: A target is lost after more frames out of sight than that.
 _LOST_FRAMES = 30
+#: Each frame more without it is one more in which something else may look like it: the odds are
+#: divided by their number, in units of that, up to this logarithm; until they're so much better.
+_MOST_DOUBT, _RECOGNISED = 1.5, 1.0
 #: Standard deviation of centre and size, as a share of the target's mean side, where it's as
 #: likely as not that the target is there.
 _DOUBTED_ERROR = 0.3
@@ -147,6 +150,7 @@ class PresenceDetector:
 
     What is said of the target counts its motion too (`confidence`, `absent_frames`), and whoever
     wants fewer wrong boxes, or fewer frames without one, says from which confidence on it's there.
+    One that was lost for long has to be recognised beyond doubt, the more so the longer it was.
     What a tracker does goes by the look alone, and by even odds (`unseen_frames`): whoever
     searches elsewhere because the target rests loses more than is found.
     """
@@ -160,6 +164,8 @@ class PresenceDetector:
         """For so many frames it was rather out of sight; 0 if it was seen in the last one."""
         self.absent_frames = 0.0
         """For so many frames it's said not to be there; 0 if it was in the last one."""
+        #: In so many frames it was said not to be there since it was last beyond doubt.
+        self._missed = 0
 
     @property
     def confidence(self) -> float:
@@ -192,13 +198,25 @@ class PresenceDetector:
             latest -= _FALL_WEIGHT
         self._evidence = latest if elsewhere else self._averaged(latest)
         self._said = self._evidence + (0.0 if elsewhere else motion)
+        if self._said >= self._doubt + _RECOGNISED:
+            self._missed = 0
+        self._said -= self._doubt
         seen, said = self._evidence >= 0.0, self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
         self.absent_frames = 0.0 if said else self.absent_frames + dt
+        if not said:
+            self._missed += 1
+        elif not self._doubt:
+            self._missed = 0
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the target is present beyond doubt if that's what the next frame says."""
         return self._averaged(evidence(similarity, sharpness)) > _SURE
+
+    @property
+    def _doubt(self) -> float:
+        """Return by how much the logarithm of the odds is lower than that of what's seen."""
+        return min(math.log(max(self._missed / _LOST_FRAMES, 1.0)), _MOST_DOUBT)
 
     def _averaged(self, latest: float) -> float:
         """Return the evidence after one more frame's."""
