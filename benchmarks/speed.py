@@ -41,7 +41,8 @@ TARGET = 64
 TARGETS = (16, 32, 64, 128, 256)
 PARTICLES = (25, 50, 100, 150, 200, 400, 800)
 TURN = 8
-#: In so many frames after the first one, trackers with two models update both in each.
+#: In so many frames after the first one, trackers with two models update both in each; and after
+#: so many the target is gone in the film in which it's searched.
 START = 30
 
 
@@ -53,7 +54,8 @@ class Film:
     truth: list[Box]
 
 
-def film(size: tuple[int, int], target: int, frames: int, seed: int) -> Film:
+def film(size: tuple[int, int], target: int, frames: int, seed: int,
+         seen: int | None = None) -> Film:
     """
     Render a film.
 
@@ -67,6 +69,8 @@ def film(size: tuple[int, int], target: int, frames: int, seed: int) -> Film:
         How many.
     seed : int
         Of textures, noise and path.
+    seen : int, optional
+        After so many frames the target is gone.
 
     """
     rng = np.random.default_rng(seed)
@@ -80,7 +84,8 @@ def film(size: tuple[int, int], target: int, frames: int, seed: int) -> Film:
         y = round((height - target) / 2 + reach * math.sin(index / 9 + 1) - reach * math.sin(1))
         y = min(max(y, 0), height - target)
         frame = ground.copy()
-        frame[y:y + target, x:x + target] = patch
+        if seen is None or index < seen:
+            frame[y:y + target, x:x + target] = patch
         noise = rng.integers(-6, 7, (height, width, 1), dtype=np.int16)
         pictures.append(np.clip(frame + noise, 0, 255).astype(np.uint8))
         truth.append(Box(x, y, target, target))
@@ -132,10 +137,10 @@ def timed(
 
 
 def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict[str, Any]:
-    """Return all measurements: by image size, by target size and by number of particles."""
+    """Return all measurements: by image size, target size, particles, and while it's searched."""
     swarms = [tracker for tracker in chosen
               if 'particles' in tracker.tracker_class.PARAMETERS and not tracker.parameters]
-    total = len(SIZES) + len(TARGETS) + 1
+    total = len(SIZES) + len(TARGETS) + 2
     bar, done = ProgressBar('films'), 0
     bar(done, total)
     images, targets = {}, {}
@@ -145,6 +150,8 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
     for target in TARGETS:
         targets[str(target)] = _over_seeds(chosen, VGA, target, frames, seeds)
         bar(done := done + 1, total)
+    search = _over_seeds(chosen, VGA, TARGET, frames, seeds, seen=START)
+    bar(done := done + 1, total)
     counts: dict[str, dict[str, dict[str, float]]] = {}
     for count in PARTICLES:
         sized = [parse_tracker(f'{tracker.name}:particles={count}') for tracker in swarms
@@ -152,7 +159,7 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
         row = _over_seeds(sized, VGA, TARGET, frames, seeds)
         counts[str(count)] = {label.partition(':')[0]: cells for label, cells in row.items()}
     bar(total, total)
-    return {'image': images, 'target': targets, 'particles': counts}
+    return {'image': images, 'target': targets, 'particles': counts, 'search': search}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -204,11 +211,12 @@ def _texture(
 
 def _over_seeds(
         chosen: list[TrackerSpecification], size: tuple[int, int], target: int, frames: int,
-        seeds: int) -> dict[str, dict[str, float]]:
+        seeds: int, seen: int | None = None) -> dict[str, dict[str, float]]:
     """Return the mean of each figure over seeds, and the standard deviation of the time."""
     if not chosen:
         return {}
-    rounds = [timed(chosen, film(size, target, frames, seed), seed) for seed in range(seeds)]
+    rounds = [timed(chosen, film(size, target, frames, seed, seen), seed)
+              for seed in range(seeds)]
     result = {}
     for label in rounds[0]:
         row = {key: float(np.mean([one[label][key] for one in rounds]))
@@ -232,7 +240,10 @@ def _shown(content: dict[str, Any]) -> dict[str, Any]:
     times = {kind: {key: {label: row['cpu_ms'] for label, row in rows.items()}
                     for key, rows in content[kind].items()}
              for kind in ('image', 'target', 'particles')}
-    return {**content, **times, 'vga': content['image'][f'{VGA[0]}x{VGA[1]}']}
+    search = {label: {key: row[key] for key in ('cpu_ms', 'wall_ms_p99')}
+              for label, row in content['search'].items()}
+    return {**content, **times, 'search': search,
+            'vga': content['image'][f'{VGA[0]}x{VGA[1]}']}
 
 
 def _draw(content: dict[str, Any], folder: Path) -> None:
@@ -291,7 +302,14 @@ def _page(content: dict[str, Any]) -> str:
         f'## 640x480, target {TARGET} px', '',
         '"times CSRT" and "times KCF": how many times their frame rate. The last two columns are '
         'growth: the time at the larger size by that at the smaller.', '',
-        markdown(ratios), '']
+        markdown(ratios), '',
+        f'## 640x480, the target gone after {START} frames', '',
+        'The processor time is the median over the frames without it, in which it is searched; '
+        'the percentile of the time by the clock is of all frames.', '',
+        markdown([['tracker', 'cpu ms', 'ms p99'],
+                  *([label, f'{row["cpu_ms"]:.2f}', f'{row["wall_ms_p99"]:.2f}']
+                    for label, row in sorted(content['search'].items(),
+                                             key=lambda item: item[1]['cpu_ms']))]), '']
     titles = {'image': 'Image size', 'target': 'Target size, 640x480',
               'particles': 'Particles, 640x480'}
     for name, title in titles.items():
