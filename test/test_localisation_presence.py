@@ -37,9 +37,10 @@ def test_absence_is_told_at_once_and_counted_in_frames():
     assert presence.confidence == anew.confidence > 0.95
 
 
-def found_after(frames):
+def found_after(frames, threshold=0.5):
     """Return who wasn't there for so many frames, and then is there by about two to one."""
     presence = PresenceDetector()
+    presence.threshold = threshold
     for _ in range(frames):
         presence.judge(0.02, 2.5, 1.0)
     for _ in range(10):
@@ -53,6 +54,13 @@ def test_who_was_lost_for_long_has_to_be_recognised():
     assert soon.absent_frames == 0 < late.absent_frames
     assert logit(soon.confidence) - logit(late.confidence) == pytest.approx(np.log(2), abs=0.2)
     assert found_after(300).confidence == found_after(3000).confidence < late.confidence
+
+
+def test_the_confidence_is_the_same_whatever_is_enough():
+    """Who asks for more isn't told less."""
+    for frames in (0, 30, 60):
+        assert found_after(frames, 0.9).confidence == found_after(frames).confidence
+        assert found_after(frames, 0.9).absent_frames >= 10
 
 
 def test_who_is_recognised_after_long_is_there_as_before():

@@ -164,7 +164,7 @@ class PresenceDetector:
         """For so many frames it was rather out of sight; 0 if it was seen in the last one."""
         self.absent_frames = 0.0
         """For so many frames it's said not to be there; 0 if it was in the last one."""
-        #: In so many frames it was said not to be there since it was last beyond doubt.
+        #: In so many frames it was rather not there since it was last beyond doubt.
         self._missed = 0
 
     @property
@@ -201,13 +201,13 @@ class PresenceDetector:
         if self._said >= self._doubt + _RECOGNISED:
             self._missed = 0
         self._said -= self._doubt
-        seen, said = self._evidence >= 0.0, self.confidence >= self.threshold
-        self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
-        self.absent_frames = 0.0 if said else self.absent_frames + dt
-        if not said:
+        if self._said < 0:
             self._missed += 1
         elif not self._doubt:
             self._missed = 0
+        seen, said = self._evidence >= 0.0, self.confidence >= self.threshold
+        self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
+        self.absent_frames = 0.0 if said else self.absent_frames + dt
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the target is present beyond doubt if that's what the next frame says."""
