@@ -1,13 +1,14 @@
 """The parameters that a paper's filter has in common with its replica."""
 
 from vtrack_ros.appearance.siamese_network import check_backbone, check_head
+from vtrack_ros.localisation.presence import DEFAULT_THRESHOLD
 from vtrack_ros.parameters import Parameter, ParameterTable
 
 #: Of everything that localises a target.
 PRESENCE = ParameterTable([
-    Parameter('confidence_threshold', 0.45, 'Least confidence with which the target is said to be '
-              'tracked, and its pose is published: more of it means fewer wrong boxes, and more '
-              'frames without one.', 0.01, 0.99),
+    Parameter('confidence_threshold', DEFAULT_THRESHOLD, 'Least confidence with which the target '
+              'is said to be tracked, and its pose is published: more of it means fewer wrong '
+              'boxes, and more frames without one.', 0.01, 0.99),
 ])
 #: Of every filter on top of a localiser.
 LOCALISER = PRESENCE + ParameterTable([

@@ -47,11 +47,15 @@ _FALL_WEIGHT = 1.0
 _SURE = 1.0
 #: Weight of the latest frame's evidence; that of those before counts as no clearer than so much.
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
+#: The confidence from which on a target is said to be there, if nobody says otherwise.
+DEFAULT_THRESHOLD = 0.45
 #: A target is lost after more frames out of sight than that.
 _LOST_FRAMES = 30
 #: Each frame more without it is one more in which something else may look like it: the odds are
 #: divided by their number, in units of that, up to this logarithm; until they're so much better.
+#: It's a frame without it where they're below those of the default threshold.
 _MOST_DOUBT, _RECOGNISED = 1.5, 1.0
+_SEEN = math.log(DEFAULT_THRESHOLD / (1 - DEFAULT_THRESHOLD))
 #: Standard deviation of centre and size, as a share of the target's mean side, where it's as
 #: likely as not that the target is there.
 _DOUBTED_ERROR = 0.3
@@ -164,7 +168,7 @@ class PresenceDetector:
         """For so many frames it was rather out of sight; 0 if it was seen in the last one."""
         self.absent_frames = 0.0
         """For so many frames it's said not to be there; 0 if it was in the last one."""
-        #: In so many frames it was rather not there since it was last beyond doubt.
+        #: So many frames were without it since it was last beyond doubt.
         self._missed = 0
 
     @property
@@ -198,13 +202,12 @@ class PresenceDetector:
             latest -= _FALL_WEIGHT
         self._evidence = latest if elsewhere else self._averaged(latest)
         self._said = self._evidence + (0.0 if elsewhere else motion)
-        if self._said >= self._doubt + _RECOGNISED:
-            self._missed = 0
-        self._said -= self._doubt
-        if self._said < 0:
+        doubt = self._doubt
+        if self._said >= (doubt + _RECOGNISED if doubt else _SEEN):
+            self._missed, doubt = 0, 0.0
+        self._said -= doubt
+        if self._said < _SEEN:
             self._missed += 1
-        elif not self._doubt:
-            self._missed = 0
         seen, said = self._evidence >= 0.0, self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
         self.absent_frames = 0.0 if said else self.absent_frames + dt
