@@ -7,9 +7,11 @@ docs/results/gone.md. Nothing of the target is in the other video, so every TRAC
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 import sys
 from unittest.mock import patch
@@ -20,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from result_files import facts_text
 from sequences import needed_peers_found
-from shared_sequences import folder_sequences, half_of, HALVES, options
+from shared_sequences import FOLDER, folder_sequences, half_of, HALVES
 
 from vtrack_ros.evaluation import FolderSequence
 from vtrack_ros.evaluation.metrics import on_target, overlaps
@@ -58,15 +60,11 @@ class Visit:
 
 def interrupted(sequence: FolderSequence, other: FolderSequence) -> Iterator[Frame]:
     """Yield a sequence's frames with another one's in between, there and back, in its size."""
-    own = list(sequence.frames())[:KNOWN + BACK]
+    own = list(islice(sequence.frames(), KNOWN + BACK))
+    size = own[0].shape[1::-1]
+    between = [cv2.resize(frame, size) for frame in islice(other.frames(), AWAY)]
     yield from own[:KNOWN]
-    size, colour = own[0].shape[1::-1], own[0].ndim == 3
-    between = [cv2.resize(frame, size) for frame in list(other.frames())[:AWAY]]
-    for time in story_times(len(between), AWAY):
-        frame = between[int(time)]
-        if (frame.ndim == 3) is not colour:
-            frame = cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR if colour else cv2.COLOR_BGR2GRAY)
-        yield frame
+    yield from (between[int(time)] for time in story_times(len(between), AWAY))
     yield from own[KNOWN:]
 
 
@@ -100,7 +98,9 @@ def rows(visits: dict[str, list[Visit]], half: str) -> list[list[str]]:
 
 def main() -> int:
     """Follow all targets, and write the page."""
-    parser = options(__doc__)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--sequences', type=Path, default=FOLDER)
+    parser.add_argument('--jobs', type=int, default=2)
     parser.add_argument('--trackers',
                         default=f'gmpf,gmpf{WITHOUT},pqkpf,abmspf,appf,pf,dcf,opencv_csrt')
     arguments = parser.parse_args()

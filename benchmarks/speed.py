@@ -22,6 +22,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 import numpy as np
 from result_files import facts_text, write_json
+from sequences import needed_peers_found
 
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import parse_tracker, parse_trackers, TrackerSpecification
@@ -31,7 +32,6 @@ from vtrack_ros.evaluation.runner import one_thread
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.trackers import available_peers
 
 ROOT = Path(__file__).resolve().parents[1]
 BESIDE = ('opencv_csrt', 'opencv_kcf')
@@ -165,10 +165,7 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
 def main(argv: list[str] | None = None) -> int:
     """Measure and write the results."""
     arguments = _arguments(argv)
-    missing = set(BESIDE) - set(available_peers())
-    if missing:
-        print('this OpenCV has neither CSRT nor KCF; run it as\n'
-              '  scripts/peers --python benchmarks/speed.py', file=sys.stderr)
+    if not needed_peers_found('speed.py'):
         return 2
     chosen = parse_trackers(f'{arguments.trackers},{",".join(BESIDE)}')
     measured = measure(chosen, arguments.frames, arguments.seeds)
