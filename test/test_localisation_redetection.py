@@ -9,6 +9,7 @@ from drawn_video import box_at, DrawnVideo, START, TARGET
 import numpy as np
 import pytest
 
+from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import absent_error, has_failed, InitialTemplate
 from vtrack_ros.localisation.redetection import mean_velocity, Redetection
 from vtrack_ros.localisation.search_window import WindowLayout
@@ -299,6 +300,44 @@ def test_the_way_on_grows_with_the_time_of_each_frame(known):
     verdict = redetection.update(VIDEO.frame(place), snapshot, 0.0, 0.1, 7.0)
     assert verdict.elsewhere
     assert np.hypot(*np.subtract(verdict.live.center, place)) < 4
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('velocity', [(0.0, 0.0), (4.0, 2.0)])
+def test_long_after_a_target_is_searched_where_it_was_seen_last(known, velocity, seed):
+    """It was seen again at another place, and lost there: after 60 frames that's where to look."""
+    snapshot, template = known
+    redetection = search(snapshot, template, velocity, 50.0, seed)
+    nothing, there = VIDEO.frame(None), replace(snapshot, center=ELSEWHERE)
+    redetection.update(nothing, there, 0.0, 0.1, 1.0, seen=True)
+    redetection.update(nothing, snapshot, 0.0, 0.1, 10.0)
+    frame = VIDEO.frame(ELSEWHERE)
+    verdicts = [redetection.update(frame, snapshot, 0.0, 0.1, 1.0) for _ in range(2)]
+    assert any(verdict.over for verdict in verdicts)
+    verdict = next(verdict for verdict in verdicts if verdict.over)
+    assert np.hypot(*np.subtract(verdict.live.center, ELSEWHERE)) < 4
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
+    """It's given the other's place, but the target is searched from where that one lost it."""
+    first, nothing = VIDEO.frame(HERE), VIDEO.frame(None)
+    leader, other = (Localiser(first, HERE, TARGET, np.random.default_rng(seed)) for _ in range(2))
+
+    def follow(localiser, frame, place):
+        return localiser.update(frame, localiser.localise(frame, place), place, 1.0)
+
+    for localiser in (leader, other):
+        follow(localiser, first, HERE)
+    for _ in range(3):
+        follow(leader, nothing, ELSEWHERE)
+    other.resume(other.snapshot, leader)
+    assert leader.uncertain and other.uncertain
+    assert np.hypot(*np.subtract(other.center, ELSEWHERE)) < 20
+    assert any(follow(other, first, other.center) for _ in range(2))
+    assert np.hypot(*np.subtract(other.center, HERE)) < 4
+    other.resume(other.snapshot, Localiser(first, HERE, TARGET, np.random.default_rng(seed)))
+    assert not other.uncertain
 
 
 @pytest.mark.parametrize('offset', [(1.8, -1.2), (-2.2, 0.5), (0.3, 2.0)])

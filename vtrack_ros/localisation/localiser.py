@@ -194,10 +194,10 @@ class Localiser:
                              turn=math.remainder(self._live.turn + turn, math.tau))
 
     def resume(self, snapshot: TargetSnapshot, beside: 'Localiser') -> None:
-        """Go on from what was known, at the place of another localiser of the same target."""
+        """Go on, and on searching, from what was known, at another one's place of the target."""
         self._live = replace(snapshot, center=beside.center, size=self._bounded(beside.size),
                              turn=beside.angle)
-        self._failure = None
+        self._failure = beside._failure and beside._failure.continued(self._live, self._template)
         self._velocity = beside._velocity
         self._presence = copy(beside._presence)
 

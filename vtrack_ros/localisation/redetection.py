@@ -1,5 +1,8 @@
 """Re-detection: how a target is searched and found again after a tracking failure."""
 
+from __future__ import annotations
+
+from copy import copy
 from dataclasses import dataclass, replace
 import math
 
@@ -35,7 +38,7 @@ _SEARCHES, _COLOURED = 3, 8
 _WORTH_VERIFYING = 0.5
 #: Weight of the latest step in the velocity.
 _VELOCITY_RATE = 0.3
-#: The target is searched on its straight way on for that long.
+#: The target is searched on its straight way on for that long; then where it was seen last.
 _EXTRAPOLATED_FRAMES = 60
 #: By which factor the size of a target may change that isn't certain.
 _DRIFT = 1.5
@@ -91,8 +94,9 @@ class Redetection:
     which it replaces once it has found a place that is verifiably more similar to the target, and
     where the odds are for it: similarity and sharpness count as for its presence, and the
     way to it from where the target was, or would be by its velocity before the failure,
-    [px/frame]: as far as a target out of sight strays (`absent_error`), with heavy tails. The
-    failure is over, too, when the live place has been similar enough for a while.
+    [px/frame]: as far as a target out of sight strays (`absent_error`), with heavy tails. Long
+    after the failure it isn't on its straight way any more, so where it was seen last counts
+    instead. The failure is over, too, when the live place has been similar enough for a while.
 
     Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
     followed too: it's the same model's, so it can be compared, but the failure is over only once
@@ -105,7 +109,17 @@ class Redetection:
         self._velocity = velocity
         self._age = age
         self._rng = rng
+        self._last_seen = snapshot.center
         self._updates = self._trusted_frames = self._jump_frames = 0
+
+    def continued(self, snapshot: TargetSnapshot, template: InitialTemplate) -> Redetection:
+        """Return the same search, for another localiser's snapshot and template to go on with."""
+        search = copy(self)
+        search._snapshot = replace(
+            snapshot, center=self._snapshot.center, size=self._snapshot.size)
+        search._template = template
+        search._trusted_frames = search._jump_frames = 0
+        return search
 
     def bounds(self, width: float) -> tuple[float, float]:
         """Return the least and the largest factor of a width that the size may have."""
@@ -125,6 +139,8 @@ class Redetection:
         live = live.followed(peak)
         self._updates += 1
         self._age += dt
+        if seen:
+            self._last_seen = live.center
         level = self._snapshot.usual_similarity
         trusted = max(min(_TRUSTED_SHARE * level, _TRUSTED), EVEN_SIMILARITY)
         self._trusted_frames = self._trusted_frames + 1 if similarity > trusted else 0
@@ -183,9 +199,10 @@ class Redetection:
 
     @property
     def _way_on(self) -> Point:
-        """Return where the target is if it went straight on, [px]."""
-        frames = min(self._age, _EXTRAPOLATED_FRAMES)
-        x, y = (place + frames * velocity
+        """Return where the target is if it went straight on, or was seen long before, [px]."""
+        if self._age > _EXTRAPOLATED_FRAMES:
+            return self._last_seen
+        x, y = (place + self._age * velocity
                 for place, velocity in zip(self._snapshot.center, self._velocity))
         return x, y
 
