@@ -265,11 +265,12 @@ class ResponseMap:
 
 def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
     """Return how far (x, y) a maximum is from its cell, from -0.5 to 0.5; 0 at the border."""
-    x = y = 0.0
+    x, y, at = 0.0, 0.0, response.item
+    peak = at(row, column)
     if 0 < column < response.shape[1] - 1:
-        x = parabola_offset(*response[row, column - 1:column + 2].tolist())
+        x = parabola_offset(at(row, column - 1), peak, at(row, column + 1))
     if 0 < row < response.shape[0] - 1:
-        y = parabola_offset(*response[row - 1:row + 2, column].tolist())
+        y = parabola_offset(at(row - 1, column), peak, at(row + 1, column))
     return x, y
 
 
