@@ -26,8 +26,8 @@ _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
 #: A target that's beyond question is verified in every second frame, between those with sizes;
 #: it's questionable below this share of the usual response, or if it wasn't always good enough.
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
-#: The least and the largest factor of the first size.
-SMALLEST, LARGEST = 0.2, 5.0
+#: The least and the largest factor of the first size: what comes near may be tiny at first.
+SMALLEST, LARGEST = 0.05, 20.0
 #: The least that's usual after the first frame: this share of the response to it, and that
 #: similarity; where a target has darted off in the second frame both are far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
