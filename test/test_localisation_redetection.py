@@ -329,8 +329,8 @@ def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
 
     for localiser in (leader, other):
         follow(localiser, first, HERE)
-    for _ in range(3):
-        follow(leader, nothing, ELSEWHERE)
+    for place in (HERE, HERE, HERE, ELSEWHERE, ELSEWHERE):
+        follow(leader, nothing, place)
     other.resume(other.snapshot, leader)
     assert leader.uncertain and other.uncertain
     assert np.hypot(*np.subtract(other.center, ELSEWHERE)) < 20
