@@ -191,15 +191,15 @@ class Redetection:
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
-            way = min(math.dist(center, place) for place in (snapshot.center, self._way_on))
+            way = min(math.dist(center, place) for place in (snapshot.center, self._forecast))
             odds = evidence(similarity, response.sharpness) - math.log1p((way / self._spread)**2)
             candidates.append(
                 Candidate(center, similarity, response.peak, response.sharpness, odds))
         return candidates
 
     @property
-    def _way_on(self) -> Point:
-        """Return where the target is if it went straight on, or was seen long before, [px]."""
+    def _forecast(self) -> Point:
+        """Return where the target may be by now, [px]: straight on, or where it was last seen."""
         if self._age > _EXTRAPOLATED_FRAMES:
             return self._last_seen
         x, y = (place + self._age * velocity
@@ -214,7 +214,7 @@ class Redetection:
     def _places(self, frame: Frame) -> list[Point]:
         """Return the places to search in this frame."""
         center = self._snapshot.center
-        places = [self._way_on if self._updates % 2 else center]
+        places = [self._forecast if self._updates % 2 else center]
         while len(places) < _SEARCHES:
             if self._updates > _COLOURED and self._rng.random() < 0.5:
                 places.append(self._coloured_place(frame))
