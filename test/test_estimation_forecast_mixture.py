@@ -53,6 +53,24 @@ def test_places_near_the_better_forecast_are_more_probable():
     assert density[-1] > -12
 
 
+def test_far_away_it_falls_as_a_cauchy_density_of_the_plane():
+    """With the cube of the distance: what falls with its square isn't a density in two axes."""
+    mixture, forecasts = taught(lambda frame: (3.0, 0.0), onwards)
+    near, far = mixture.log_density(
+        np.array([[103.0, 0.0], [1003.0, 0.0]]), {STAYING: forecasts[STAYING]}, 1.0, 1.0)
+    assert far - near == pytest.approx(-3 * math.log(10), abs=0.01)
+
+
+def test_in_the_first_frames_a_target_may_go_anywhere_near():
+    """How it moves isn't known then: what is a side away is the less probable the later it is."""
+    mixture, forecasts = ForecastMixture(), {STAYING: (0.0, 0.0)}
+    densities = []
+    for _ in range(4):
+        densities.append(mixture.log_density(np.array([[1.0, 0.0]]), forecasts, 1.0, 1.0)[0])
+        mixture.update((0.0, 0.0), forecasts, 1.0)
+    assert densities[0] > -2 and np.all(np.diff(densities) < -0.3)
+
+
 def test_time_widens_the_density():
     """As the root of it, as a random walk's."""
     mixture = ForecastMixture()

@@ -204,8 +204,19 @@ def test_neither_a_slow_double_nor_a_fast_one_is_followed(name, speed):
 
 
 @lru_cache(maxsize=4)
-def beside_its_first_look(seed, frames=30, changing=6):
+def beside_its_first_look(seed):
     """Return frames, and the box, of a target that changes; then its first look is beside it."""
+    return changed(seed, 30, 6, 0.6, lambda since: (150, 100))
+
+
+@lru_cache(maxsize=4)
+def crossed_by_its_first_look(seed):
+    """Return frames, and the box, of a target that changes; then its first look comes across."""
+    return changed(seed, 120, 20, 0.5, lambda since: (319 - 3 * since, 112))
+
+
+def changed(seed, frames, changing, most, double_at):
+    """Return frames, and the box, of a target that changes, and of its first look somewhere."""
     rng = np.random.default_rng(seed)
     ground = texture(SIZE[::-1], [(90, 110, 90), (130, 130, 120), (140, 150, 150)], 12, rng)
     first, last = (texture(TARGET[::-1], colours, 8, rng).astype(np.float32) for colours in (
@@ -214,11 +225,13 @@ def beside_its_first_look(seed, frames=30, changing=6):
     box, (width, height) = Box(100, 100, *TARGET), TARGET
     images = []
     for index in range(frames):
-        share = 0.6 * min(index / changing, 1.0)
+        share = most * min(index / changing, 1.0)
         image = ground.astype(np.float32)
         image[100:100 + height, 100:100 + width] = (1 - share) * first + share * last
         if index >= changing:
-            image[100:100 + height, 150:150 + width] = first
+            left, top = double_at(index - changing)
+            seen = slice(max(0, left), max(0, left + width))
+            image[top:top + height, seen] = first[:, seen.start - left:SIZE[0] - left]
         image += 2 * rng.standard_normal(image.shape)
         images.append(np.clip(image, 0, 255).astype(np.uint8))
     return images, box
@@ -232,6 +245,20 @@ def test_what_appears_beside_the_target_and_looks_more_like_it_is_not_followed(n
         tracker = create_tracker(name, seed=seed)
         tracker.start(images[0], box)
         assert min(tracker.update(image).box.iou(box) for image in images[1:]) > 0.5
+
+
+@pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf', 'appf'])
+def test_the_first_look_passing_in_front_is_not_followed(name):
+    """
+    A target that has changed is less like itself than what comes: neither model follows that.
+
+    Of 24 films two are lost.
+    """
+    for seed in range(3):
+        images, box = crossed_by_its_first_look(seed)
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(images[0], box)
+        assert min(tracker.update(image).box.iou(box) for image in images[1:]) > 0.7
 
 
 def test_while_a_double_hides_it_the_particles_spread():

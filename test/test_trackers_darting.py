@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cv2
-from drawn_video import box_at, DrawnVideo, SIZE, TARGET, texture
+from drawn_video import box_at, DrawnVideo, noise_part, SIZE, TARGET, texture
 import numpy as np
 import pytest
 
@@ -82,6 +82,31 @@ def test_a_target_that_goes_away_and_changes_its_look_is_followed(name, seed):
         estimate = tracker.update(frame) if step else tracker.start(frame, box)
         assert estimate.state is TrackState.TRACKING
     assert estimate.box.iou(box) > 0.8
+
+
+def darting_off(seed, frames=8, step=26):
+    """Return frames, and boxes half of which are ground, of a target that goes off at once."""
+    rng = np.random.default_rng(seed)
+    ground = texture(SIZE[::-1], [(60, 70, 60), (150, 160, 150), (90, 110, 120)], 14, rng)
+    figure = texture((20, 26), [(70, 90, 190), (170, 150, 240), (40, 50, 160)], 6, rng)
+    for x in range(60, 60 + step * frames, step):
+        image = ground.copy()
+        image[100:120, x - 13:x + 13] = figure
+        image = np.clip(image + 2 * noise_part(rng)[..., :1], 0, 255).astype(np.uint8)
+        yield image, Box.from_center(x, 110, 36, 30)
+
+
+@pytest.mark.parametrize('name', GUIDED)
+def test_a_target_that_darts_off_in_the_second_frame_is_followed(name):
+    """By three quarters of its box, and all that it left behind was learned with it."""
+    kept = 0
+    for seed in range(6):
+        (first, start), *others = darting_off(seed)
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(first, start)
+        overlap = [tracker.update(image).box.iou(box) for image, box in others]
+        kept += overlap[-1] > 0.7
+    assert kept >= 5
 
 
 @pytest.mark.parametrize('seed', range(3))

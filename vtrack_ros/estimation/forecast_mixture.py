@@ -14,8 +14,11 @@ _RATE = 0.15
 _FIRST_ERROR, _BETTER = 0.12, 0.02
 #: Error beyond which a forecast isn't any more wrong.
 _LARGEST = 1.5
-#: The density's width is so many mean errors, and not less than that.
-_WIDTH, _NARROWEST = 1.5, 0.12
+#: The density's width is so many mean errors, and not less than that; in the first frame not less
+#: than the last, in the second half of it, and so on: how a target moves isn't known at first.
+_WIDTH, _NARROWEST, _UNKNOWN = 1.5, 0.12, 0.6
+#: The exponent of a Cauchy density in two dimensions.
+_TAILS = 1.5
 
 #: The forecast that the target stays: it's always there.
 STAYING = 'staying'
@@ -33,6 +36,7 @@ class ForecastMixture:
 
     def __init__(self) -> None:
         self._errors = {STAYING: _FIRST_ERROR}
+        self._frames = 0
 
     def error(self, name: str) -> float:
         """Return a forecast's mean error."""
@@ -51,14 +55,16 @@ class ForecastMixture:
         Up to a constant, and in the same unit as the forecasts, of which `unit` is one.
         """
         best = np.full(len(places), -np.inf)
+        narrowest = max(_NARROWEST, _UNKNOWN / (1 + self._frames))
         for name, forecast in forecasts.items():
-            width = unit * math.sqrt(dt) * max(_NARROWEST, _WIDTH * self.error(name))
+            width = unit * math.sqrt(dt) * max(narrowest, _WIDTH * self.error(name))
             squares = np.sum((places - forecast)**2, axis=1) / width**2
-            np.maximum(best, -np.log1p(squares), out=best)
+            np.maximum(best, -_TAILS * np.log1p(squares), out=best)
         return best
 
     def update(self, place: Point, forecasts: Mapping[str, Point], unit: float) -> None:
         """Learn from where the target was found how wrong each forecast was."""
+        self._frames += 1
         for name, forecast in forecasts.items():
             error = min(math.dist(place, forecast) / unit, _LARGEST)
             self._errors[name] = self.error(name) + _RATE * (error - self.error(name))

@@ -43,9 +43,10 @@ _MEASURED_EVERY, _TURNING = 4, 0.03
 _FAR = 0.4
 #: Share of the usual response that makes a factor of e in the likelihood.
 _TEMPERATURE = 0.07
-#: After so many frames so many maxima, the most probable ones, are compared with the initial
-#: template: the likeness, at least so much, counts with a power.
-_GAP, _COMPARED, _UNLIKE, _LOOK = 8, 6, 0.1, 3.0
+#: After so many frames without one, and in so many first ones, so many maxima, the most probable
+#: ones, are compared with the initial template: the likeness, at least so much, counts with a
+#: power.
+_GAP, _NEW, _COMPARED, _UNLIKE, _LOOK = 8, 10, 6, 0.05, 3.0
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
 
@@ -55,14 +56,14 @@ class Found:
     """
     What a search brought: the response in the best window, and the target's place, in pixels.
 
-    `contested` tells that a distractor is so near that only motion tells which one is the target,
-    `hidden` that the place is only where the target is expected, for the distractor is there.
-    `motion` is what the target's motion to it adds to the evidence for its presence.
+    The `distractors` are the places, in pixels, of those so near that only motion tells which one
+    is the target; `hidden` tells that the place is only where it's expected, for one of them is
+    there. `motion` is what the target's motion to it adds to the evidence for its presence.
     """
 
     response: ResponseMap
     place: Point
-    contested: bool = False
+    distractors: tuple[Point, ...] = ()
     hidden: bool = False
     motion: float = 0.0
 
@@ -77,12 +78,12 @@ class GuidedSearch:
     and all around are searched too; where it's low the camera may have been jerked, so its motion
     is measured again, farther and beside the target. Of the maxima that are found in all of them
     that one is believed whose response and whose place are the most probable together: the
-    target's double answers as well, but isn't where the target has to be. After a gap, when that
-    says little, the initial template has a say. Doubles are followed too, and maxima where one of
-    those is expected aren't the target; while one passes before it, it goes on as expected. The
-    flow of the target's own points has a say as well: before it's searched it has grown and turned
-    as they did, and where it would be found far from where it's expected, but they went elsewhere
-    together, it's there.
+    target's double answers as well, but isn't where the target has to be. After a gap, and at
+    first, when that says little, the initial template has a say. Doubles are followed too, and
+    maxima where one of those is expected aren't the target; while one passes before it, it goes on
+    as expected. The flow of the target's own points has a say as well: before it's searched it has
+    grown and turned as they did, and where it would be found far from where it's expected, but
+    they went elsewhere together, it's there.
     """
 
     _found: Found
@@ -250,10 +251,10 @@ class GuidedSearch:
         if not ours or (meeting and not others):
             self._hidden += dt
             if self._hidden <= _HIDDEN:
-                return Found(response, expected, contested=True, hidden=True)
+                return Found(response, expected, tuple(theirs), hidden=True)
             self._distractors.forget(expected, _NEAR * side, dt)
-        return replace(
-            self._chosen(frame, strong(ours or every, _CANDIDATE), dt), contested=True)
+        return replace(self._chosen(frame, strong(ours or every, _CANDIDATE), dt),
+                       distractors=tuple(theirs))
 
     def _chosen(self, frame: Frame, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""
@@ -265,7 +266,7 @@ class GuidedSearch:
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
         scores += self._mixture.log_density(places, self._forecasts, side, dt)
-        if dt > _GAP and self._target.network is None:
+        if (dt > _GAP or self._frames <= _NEW) and self._target.network is None:
             likeness = np.full(len(found), _UNLIKE)
             for index in np.argsort(-scores)[:_COMPARED]:
                 likeness[index] = max(_UNLIKE, self._target.likeness(frame, places[index]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -20,9 +21,10 @@ from vtrack_ros.tracker import Estimate
 
 #: Weight of the latest frame in the running mean of a model's similarity.
 _RATE = 1 / 7
-#: The other model takes over when it's so much more similar to what it saw at first; it starts
-#: again beside the leader when it's been so much less similar for so many frames.
-_TAKES_OVER, _GIVES_UP, _APART = 1.15, 1.1, 6
+#: The other model takes over when it's so much more similar to what it saw at first, beside what
+#: anything has of it by chance; it starts again beside the leader when it's been so much less
+#: similar for so many frames.
+_TAKES_OVER, _BY_CHANCE, _GIVES_UP, _APART = 1.15, 0.05, 1.1, 6
 #: While they agree and are sure, the other one is updated after so many frames' time, and one more
 #: where the leader's size was just measured; in each of the first frames, where the target parts
 #: from what was behind it.
@@ -30,6 +32,8 @@ _PAUSE, _FIRST = 6.5, 30
 #: Boxes that overlap less than that are of different places; the models agree about the target
 #: where they overlap by so much more: a size that drifts away isn't what to begin again with.
 _TOGETHER, _ALIKE = 0.5, 0.75
+#: Nearer than that to a distractor, in sides, the other model is at that.
+_AT = 0.3
 #: The other model stays at its own maximum where that has this share of the highest response: less
 #: is left of it where a double passes in front.
 _LEVEL = 0.5
@@ -176,11 +180,14 @@ class Hypotheses:
         return self._leader.likeness(frame, place)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               hidden: bool = False, motion: float = 0.0) -> bool:
+               hidden: bool = False, motion: float = 0.0,
+               distractors: Sequence[Point] = ()) -> bool:
         """
         Take the place that a tracker decided for; see `Localiser.update`.
 
         While the target is hidden by a distractor the other model isn't asked: it would follow it.
+        If it has followed one of those near the target, their places in pixels, it starts again
+        beside the leader: it goes by the look alone, and motion told which one is the target.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
@@ -204,7 +211,7 @@ class Hypotheses:
         rate = latest_weight(_RATE, 1, self._frames)
         for each, mean in self._similarities.items():
             self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
-        return self._decide() or elsewhere
+        return self._decide(distractors) or elsewhere
 
     def require(self, confidence: float) -> None:
         """Say that the target is there from this confidence on."""
@@ -245,7 +252,7 @@ class Hypotheses:
         # the leader is what it's found by: two that search each by itself err twice as often
         other.update(frame, response, place, dt, search=False)
 
-    def _decide(self) -> bool:
+    def _decide(self, distractors: Sequence[Point]) -> bool:
         """Tell whether the other model takes over; or let it start again at the leader's place."""
         leader, other = self._leader, self._other
         overlap = leader.box.iou(other.box)
@@ -256,14 +263,28 @@ class Hypotheses:
             if overlap >= _ALIKE:
                 self._agreed = {each: each.snapshot for each in self._similarities}
             return False
+        if self._follows(distractors):
+            self._start_again()
+            return False
         self._apart += 1
         believed, rival = self._similarities[leader], self._similarities[other]
-        if rival > _TAKES_OVER * believed:
+        if rival + _BY_CHANCE > _TAKES_OVER * (believed + _BY_CHANCE):
             self._leader, self._other = other, leader
             self._apart = 0
             return True
         if self._apart >= _APART and rival * _GIVES_UP < believed:
-            other.resume(self._agreed[other], leader)
-            self._similarities[other] = believed / _GIVES_UP
-            self._apart = 0
+            self._start_again()
         return False
+
+    def _follows(self, distractors: Sequence[Point]) -> bool:
+        """Tell whether the other model is at a distractor, and farther from the leader."""
+        place, near = self._other.center, _AT * math.sqrt(math.prod(self.size))
+        nearest = min((math.dist(place, each) for each in distractors), default=math.inf)
+        return nearest < min(near, math.dist(place, self.center))
+
+    def _start_again(self) -> None:
+        """Let the other model start again beside the leader, with what it knew in agreement."""
+        leader, other = self._leader, self._other
+        other.resume(self._agreed[other], leader)
+        self._similarities[other] = self._similarities[leader] / _GIVES_UP
+        self._apart = 0
