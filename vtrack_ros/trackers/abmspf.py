@@ -76,8 +76,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
         elsewhere = localiser.update(
-            frame, response, center, dt, found.hidden, found.motion,
-            found.distractors)
+            frame, response, center, dt, found.hidden, found.motion, found.distractors)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             # what was drawn and found about the old place says nothing of the new one
