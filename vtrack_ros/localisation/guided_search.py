@@ -258,10 +258,10 @@ class GuidedSearch:
 
     def _chosen(self, frame: Frame, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""
-        if len(every) == 1:
-            return Found(every[0][1], every[0][0])
         side = self._side
         found = distinct(every, _DISTINCT * side)
+        if len(found) == 1:
+            return Found(found[0][1], found[0][0])
         values = np.array([value for _, _, value in found])
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
