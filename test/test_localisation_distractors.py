@@ -66,6 +66,21 @@ def test_who_is_out_of_sight_for_long_is_forgotten(frames, known):
     assert len(distractors.near(START, 100 * SIDE, 1.0)) == known
 
 
+@pytest.mark.parametrize('frames, known', [(30, 1), (60, 0)])
+def test_while_the_two_are_one_it_is_not_forgotten(frames, known):
+    """It's out of sight only where it would be seen, and isn't: when it should have parted."""
+    distractors, target = Distractors(), START[0]
+    for index in range(10):
+        place = START[0] - 20.0 + 4 * index, START[1]
+        distractors.update([place], (target, START[1]), SIDE, 1.0)
+        distractors.compare((target, START[1]), SIDE, lambda _: 1.0)
+        target += 3.0
+    for _ in range(frames):
+        distractors.update([], (target, START[1]), SIDE, 1.0)
+        target += 3.0
+    assert len(distractors.near((target, START[1]), 100 * SIDE, 1.0)) == known
+
+
 @pytest.mark.parametrize('dt', [1.0, 2.0])
 def test_where_it_is_expected_follows_from_its_steps(dt):
     """Its last ones, the latest of which is half of what it's taken to go on with, [px/frame]."""

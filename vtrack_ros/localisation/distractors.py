@@ -16,7 +16,8 @@ _VELOCITY_RATE = 0.5
 #: A distractor is compared with the target when it has been found in so many frames, and again
 #: after as many; it looks like it from this share of the target's usual similarity on.
 _KNOWN, _ALIKE = 2, 0.6
-#: It's forgotten when it hasn't been found for so many frames; before it's known, after one.
+#: It's forgotten when it hasn't been found for so many frames in which it wasn't at the target's
+#: own place; before it's known, after one.
 _FORGOTTEN = 12
 #: As many are followed at most.
 _MOST = 20
@@ -27,8 +28,9 @@ class Distractor:
     """
     Something that the model answers to beside the target.
 
-    Its place is in pixels, its velocity in pixels a frame. It was found in so many `frames`, not
-    for a time of `unseen`; `likeness` is the most that it was like the target when compared.
+    Its place is in pixels, its velocity in pixels a frame. It was found in so many `frames`, and
+    wasn't for a time of `unseen`, where it would be; `likeness` is the most that it was like the
+    target when compared.
     """
 
     place: Point
@@ -81,6 +83,9 @@ class Distractors:
             if nearest is not None and math.dist(nearest, expected) < _LINKED * side:
                 left.remove(nearest)
                 known.append(one.found(nearest, dt))
+            elif one.frames >= _KNOWN and math.dist(expected, target) < _AWAY * side:
+                # one maximum is left of the two
+                known.append(replace(one, place=expected))
             elif one.unseen + dt <= (_FORGOTTEN if one.frames >= _KNOWN else 1):
                 known.append(replace(one, place=expected, unseen=one.unseen + dt))
         known += [Distractor(place) for place in left if math.dist(place, target) > _AWAY * side]
