@@ -114,6 +114,23 @@ def test_the_box_has_the_size_between_the_two_models(monkeypatch):
     assert box.width / box.height == pytest.approx(TARGET[0] / TARGET[1])
 
 
+@pytest.mark.parametrize('distractor, found', [(False, True), (True, False)])
+def test_the_target_is_not_found_again_at_a_distractor(distractor, found):
+    """It looks like it, but they were seen side by side."""
+    target, _ = started(VIDEO.frame(START))
+    there = START[0] + 90.0, START[1]
+    places = [START] * 4 + [there] * 20
+    jumps = []
+    for place in places:
+        frame = VIDEO.frame(place)
+        jumps.append(target.update(frame, target.localise(frame, START), START, 1.0,
+                                   distractors=(there,) * distractor))
+        if jumps[-1]:
+            break
+    assert jumps[-1] is found
+    assert (target.center == pytest.approx(there, abs=3)) is found
+
+
 def test_the_window_goes_ahead_of_a_steady_target():
     """Steps of most of a side: about the last place the target would be at the border."""
     path = [(40.0 + 22 * index, 110.0) for index in range(11)]

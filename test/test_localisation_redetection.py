@@ -164,6 +164,17 @@ def test_who_is_seen_is_not_left_for_a_place_far_away(known, frames, seen, jumps
     assert verdict.elsewhere is jumps
 
 
+@pytest.mark.parametrize('away, jumps', [(0.25, False), (0.35, True)])
+def test_it_is_not_found_again_at_a_distractor(known, away, jumps):
+    """Within 0.3 sides of one, which looks like it, but motion told the two apart."""
+    snapshot, template = known
+    place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
+    beside = place[0] + away * math.sqrt(math.prod(TARGET)), place[1]
+    verdict = search(snapshot, template, (5.0, 3.0), 36.0).update(
+        VIDEO.frame(place), snapshot, 0.01, 0.5, 1.0, distractors=(HERE, beside))
+    assert verdict.elsewhere is jumps
+
+
 @pytest.mark.parametrize('here, jumps', [(0.1, False), (0.08, True)])
 def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
     """The other one has to be better three times; where it isn't plausible, once."""

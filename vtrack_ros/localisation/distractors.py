@@ -11,6 +11,8 @@ from vtrack_ros.frame import Point
 #: A maximum of the response begins a distractor further than that from the target, and goes on
 #: with one nearer than that to where it's expected, in sides of the target.
 _AWAY, _LINKED = 0.4, 0.3
+#: What is found nearer than that to where one is expected, in sides, is the distractor.
+AT = 0.3
 #: Weight of the latest step in a velocity.
 _VELOCITY_RATE = 0.5
 #: A distractor is compared with the target when it has been found in so many frames, and again

@@ -13,6 +13,7 @@ from vtrack_ros.appearance.siamese_network import (
     EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import ALWAYS_GOOD, latest_weight
 from vtrack_ros.localisation.search_window import inside, ResponseMap
@@ -32,8 +33,6 @@ _PAUSE, _FIRST = 6.5, 30
 #: Boxes that overlap less than that are of different places; the models agree about the target
 #: where they overlap by so much more: a size that drifts away isn't what to begin again with.
 _TOGETHER, _ALIKE = 0.5, 0.75
-#: Nearer than that to a distractor, in sides, the other model is at that.
-_AT = 0.3
 #: The other model stays at its own maximum where that has this share of the highest response: less
 #: is left of it where a double passes in front.
 _LEVEL = 0.5
@@ -187,11 +186,12 @@ class Hypotheses:
 
         While the target is hidden by a distractor the other model isn't asked: it would follow it.
         If it has followed one of those near the target, their places in pixels, it starts again
-        beside the leader: it goes by the look alone, and motion told which one is the target.
+        beside the leader: it goes by the look alone, and motion told which one is the target. So
+        the target isn't found again at one of those.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
-        elsewhere = self._leader.update(frame, response, center, dt, motion=motion)
+        elsewhere = self._leader.update(frame, response, center, dt, True, motion, distractors)
         if self.network is not None:
             return elsewhere
         if self._leader.restarted:
@@ -278,7 +278,7 @@ class Hypotheses:
 
     def _follows(self, distractors: Sequence[Point]) -> bool:
         """Tell whether the other model is at a distractor, and farther from the leader."""
-        place, near = self._other.center, _AT * math.sqrt(math.prod(self.size))
+        place, near = self._other.center, AT * math.sqrt(math.prod(self.size))
         nearest = min((math.dist(place, each) for each in distractors), default=math.inf)
         return nearest < min(near, math.dist(place, self.center))
 

@@ -1,5 +1,6 @@
 """Localises one target frame by frame: what every tracker of this package holds."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 import math
@@ -146,12 +147,13 @@ class Localiser:
         return similarity / max(live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               search: bool = True, motion: float = 0.0) -> bool:
+               search: bool = True, motion: float = 0.0,
+               distractors: Sequence[Point] = ()) -> bool:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
-        After a failure it's searched elsewhere too, unless somebody else does that. `motion` is
-        what its motion adds to the evidence for its presence.
+        After a failure it's searched elsewhere too, unless somebody else does that, but not where
+        one of the `distractors` is, [px]. `motion` is what its motion adds to the evidence.
 
         Returns whether it was found again elsewhere. Else its centre is the given one, or next to
         it: near the border of a window it's localised twice. It's turned as the window was.
@@ -164,7 +166,7 @@ class Localiser:
         else:
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, search,
-                not self._presence.unseen_frames)
+                not self._presence.unseen_frames, distractors)
             self._live, self._similarity = verdict.live, verdict.similarity
             if verdict.elsewhere:
                 elsewhere, sharpness = True, verdict.sharpness
@@ -215,12 +217,11 @@ class Localiser:
         """
         center, angle, size = self.center, self.angle, size or self.size
         box = Box.around_ellipse(center, size, angle)
-        presence = self._presence
-        least = presence.least_covariance(box.area, *self.LEAST_ERRORS)
+        least = self._presence.least_covariance(box.area, *self.LEAST_ERRORS)
         missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
             box=box, angle=angle, covariance=covariance + np.diag(missing),
-            confidence=presence.confidence, state=state_after(presence.absent_frames),
+            confidence=self._presence.confidence, state=state_after(self._presence.absent_frames),
             particles=particles,
             affine=transformation(center, size, angle) if angle else None)
 
@@ -291,8 +292,7 @@ class Localiser:
             self._live = before = replace(
                 self._live, usual_response=max(peak, least),
                 usual_similarity=max(self._similarity, least_similar))
-        learns = before.model.LEARNS
-        sure = learns and self._presence.is_sure(self._similarity, response.sharpness)
+        sure = before.model.LEARNS and self._presence.is_sure(self._similarity, response.sharpness)
         if has_failed(before, self._similarity, peak) and not sure:
             self._failure = Redetection(before, self._template, self._velocity, dt, self._rng)
         else:

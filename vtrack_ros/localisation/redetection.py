@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 import math
@@ -10,6 +11,7 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
 from vtrack_ros.localisation.search_window import inside
@@ -127,13 +129,15 @@ class Redetection:
         return known / _DRIFT, known * _DRIFT
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
-               dt: float, search: bool = True, seen: bool = False) -> Verdict:
+               dt: float, search: bool = True, seen: bool = False,
+               distractors: Sequence[Point] = ()) -> Verdict:
         """
         Judge the live place, and search with the snapshot, unless not wanted.
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame is left only for a place near it; a model that doesn't learn may go further.
+        frame is left only for a place near it; a model that doesn't learn may go further. No jump
+        is to one of the `distractors`, places in pixels: motion told which one is the target.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -151,7 +155,7 @@ class Redetection:
             return Verdict(live, similarity, over=True)
         if not search:
             return Verdict(live, similarity)
-        candidates = self._candidates(frame, live.center, seen)
+        candidates = self._candidates(frame, live.center, seen, distractors)
         learns = self._snapshot.model.LEARNS
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
@@ -177,17 +181,21 @@ class Redetection:
         return Verdict(replace(live, center=best.center), best.similarity, elsewhere=True,
                        sharpness=best.sharpness)
 
-    def _candidates(self, frame: Frame, live: Point, seen: bool) -> list[Candidate]:
+    def _candidates(self, frame: Frame, live: Point, seen: bool,
+                    distractors: Sequence[Point]) -> list[Candidate]:
         """Return what is worth a jump, of the places to search in this frame."""
         snapshot, candidates = self._snapshot, []
+        side = math.sqrt(math.prod(snapshot.size))
         for place in self._places(frame):
             response = snapshot.localise(frame, place)
             if response.peak < _WORTH_VERIFYING * snapshot.usual_response:
                 continue
             center = inside(response.center, frame)
             away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
-            far = math.dist(center, live) > _EXCHANGED * math.sqrt(math.prod(snapshot.size))
+            far = math.dist(center, live) > _EXCHANGED * side
             if not away.any() or (seen and far and snapshot.model.LEARNS):
+                continue
+            if any(math.dist(center, one) < AT * side for one in distractors):
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
