@@ -8,10 +8,11 @@ as they are; what is gained there by chance is lost here.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 import sys
+from typing import TypeAlias
 
 import cv2
 from joblib import delayed, Parallel
@@ -91,19 +92,29 @@ def from_another_box(seed: int, images: list[Frame], truth: Array) -> tuple[list
     return images, boxes
 
 
+def in_boxes(factor: float, images: list[Frame], truth: Array) -> tuple[list[Frame], Array]:
+    """Take for the target all that is in boxes larger by a factor, or a part of it."""
+    sizes = factor * truth[:, 2:]
+    return images, np.hstack([truth[:, :2] + (truth[:, 2:] - sizes) / 2, sizes])
+
+
+Change: TypeAlias = Callable[[list[Frame], Array], tuple[list[Frame], Array]]
 #: A video's changes; followed is from the first box on, which isn't judged.
-CHANGES: dict[str, Callable[[list[Frame], Array], tuple[list[Frame], Array]]] = {
+CHANGES: dict[str, Change] = {
     'as it is': as_it_is, 'mirrored': mirrored, 'brighter': brighter,
     'compressed again': repacked, 'noisier': noisier, 'nine tenths': smaller,
     'three rows less': cut, 'two frames later': later,
     'another box': partial(from_another_box, 1), 'a third box': partial(from_another_box, 2)}
+#: What a person may have drawn about the target instead.
+BOXES: dict[str, Change] = {
+    '1.5 times as wide and high': partial(in_boxes, 1.5), '0.7 times': partial(in_boxes, 0.7)}
 
 
 def mean_overlaps(tracker: str, sequence: FolderSequence) -> list[float]:
-    """Return the mean overlap after the first frame in each of a video's `CHANGES`."""
+    """Return the mean overlap after the first frame in each of a video's changes and boxes."""
     images = [read_image(path) for path in sequence.images]
     means = []
-    for change in CHANGES.values():
+    for change in (*CHANGES.values(), *BOXES.values()):
         changed, truth = change(images, sequence.truth)
         with one_thread():
             run = run_tracker(create_tracker(tracker, seed=0), changed, Box(*truth[0]))
@@ -125,9 +136,9 @@ def main() -> int:
         scores[tracker] = np.array(Parallel(arguments.jobs)(
             delayed(mean_overlaps)(tracker, one) for one in sequences))
         print(tracker, scores[tracker].mean(axis=0).round(3), flush=True)
-    parts = '\n\n'.join(
-        f'## {len(rows)} {HALVES[half]}\n\n{_table(scores, rows)}' for half in HALVES
-        if (rows := [at for at, one in enumerate(sequences) if half_of(one.name) == half]))
+    halves = {f'{len(rows)} {HALVES[half]}': {
+        tracker: every[rows] for tracker, every in scores.items()} for half in HALVES
+        if (rows := [at for at, one in enumerate(sequences) if half_of(one.name) == half])}
     PAGE.write_text(f"""# Small changes
 
 Each target of the shared sequences, {arguments.frames} frames, one seed, in the video as it is and
@@ -141,25 +152,55 @@ there by chance, the second one, the mean of the nine, hasn't. Each figure is th
 
 {facts_text(environment())}
 
-{parts}
+{_sections('##', halves, _changes_table)}
+
+## Larger and smaller boxes
+
+The same videos with boxes that are half as wide and high again as the target, so that more than
+half of them is background, or 0.7 times as wide and high. Each is followed as if it were the
+target.
+
+{_sections('###', halves, _boxes_table)}
 """, encoding='utf-8')
     for problem in broken.values():
         print(f'failed: {problem}', file=sys.stderr)
     return 1 if broken else 0
 
 
-def _table(scores: dict[str, Array], rows: list[int]) -> str:
-    table = [['tracker', 'as it is', 'changed', 'above dcf, changed [95 %]', *list(CHANGES)[1:]]]
-    for tracker, every in scores.items():
-        mine = every[rows]
-        above = '-'
-        if 'dcf' in scores and tracker != 'dcf':
-            gaps = (mine - scores['dcf'][rows])[:, 1:].mean(axis=1)
-            above = interval_text(interval(gaps))
-        mean = mine.mean(axis=0)
-        table.append([tracker, f'{mean[0]:.3f}', f'{mean[1:].mean():.3f}', above,
-                      *(f'{value:.3f}' for value in mean[1:])])
-    return markdown(table)
+def _sections(level: str, halves: dict[str, dict[str, Array]],
+              table: Callable[[dict[str, Array]], str]) -> str:
+    return '\n\n'.join(
+        f'{level} {title}\n\n{table(scores)}' for title, scores in halves.items())
+
+
+def _changes_table(scores: dict[str, Array]) -> str:
+    last = len(CHANGES)
+    return markdown([
+        ['tracker', 'as it is', 'changed', 'above dcf, changed [95 %]', *list(CHANGES)[1:]],
+        *([tracker, f'{every[:, 0].mean():.3f}', f'{every[:, 1:last].mean():.3f}',
+           _above(scores, tracker, range(1, last)), *_means(every[:, 1:last])]
+          for tracker, every in scores.items())])
+
+
+def _boxes_table(scores: dict[str, Array]) -> str:
+    first = len(CHANGES)
+    return markdown([
+        ['tracker', 'the target', *BOXES, *(f'above dcf, {name} [95 %]' for name in BOXES)],
+        *([tracker, *_means(every[:, :1]), *_means(every[:, first:]),
+           *(_above(scores, tracker, [at]) for at in range(first, first + len(BOXES)))]
+          for tracker, every in scores.items())])
+
+
+def _means(every: Array) -> list[str]:
+    return [f'{mean:.3f}' for mean in every.mean(axis=0)]
+
+
+def _above(scores: dict[str, Array], tracker: str, columns: Sequence[int]) -> str:
+    """Return how far a tracker is above `dcf` in some columns, with its interval."""
+    if 'dcf' not in scores or tracker == 'dcf':
+        return '-'
+    gaps = scores[tracker] - scores['dcf']
+    return interval_text(interval(gaps[:, list(columns)].mean(axis=1)))
 
 
 if __name__ == '__main__':
