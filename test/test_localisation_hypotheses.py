@@ -115,8 +115,8 @@ def test_the_box_has_the_size_between_the_two_models(monkeypatch):
 
 
 @pytest.mark.parametrize('distractor, found', [(False, True), (True, False)])
-def test_the_target_is_not_found_again_at_a_distractor(distractor, found):
-    """It looks like it, but they were seen side by side."""
+def test_redetection_does_not_jump_to_a_distractor(distractor, found):
+    """It goes by the look, but the two were seen side by side."""
     target, _ = started(VIDEO.frame(START))
     there = START[0] + 90.0, START[1]
     places = [START] * 4 + [there] * 20

@@ -186,12 +186,13 @@ class Hypotheses:
 
         While the target is hidden by a distractor the other model isn't asked: it would follow it.
         If it has followed one of those near the target, their places in pixels, it starts again
-        beside the leader: it goes by the look alone, and motion told which one is the target. So
-        the target isn't found again at one of those.
+        beside the leader: it goes by the look alone, and motion told which one is the target. Nor
+        does re-detection, which goes by it too, jump to one.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
-        elsewhere = self._leader.update(frame, response, center, dt, True, motion, distractors)
+        elsewhere = self._leader.update(
+            frame, response, center, dt, motion=motion, distractors=distractors)
         if self.network is not None:
             return elsewhere
         if self._leader.restarted:

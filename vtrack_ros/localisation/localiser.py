@@ -152,8 +152,8 @@ class Localiser:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
-        After a failure it's searched elsewhere too, unless somebody else does that, but not where
-        one of the `distractors` is, [px]. `motion` is what its motion adds to the evidence.
+        After a failure it's searched elsewhere too, unless somebody else does that; no jump is to
+        one of the `distractors`, [px]. `motion` is what its motion adds to the evidence.
 
         Returns whether it was found again elsewhere. Else its centre is the given one, or next to
         it: near the border of a window it's localised twice. It's turned as the window was.
