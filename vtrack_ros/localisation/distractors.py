@@ -8,9 +8,8 @@ import math
 
 from vtrack_ros.frame import Point
 
-#: A maximum of the response begins a distractor further than that from the target, and goes on
-#: with one nearer than that to where it's expected, in sides of the target.
-_AWAY, _LINKED = 0.4, 0.3
+#: A maximum of the response begins a distractor further than that from the target, in sides.
+_AWAY = 0.4
 #: What is found nearer than that to where one is expected, in sides, is the distractor.
 AT = 0.3
 #: Weight of the latest step in a velocity.
@@ -82,7 +81,7 @@ class Distractors:
         for one in self._known:
             expected = one.expected(dt)
             nearest = min(left, key=lambda place: math.dist(place, expected), default=None)
-            if nearest is not None and math.dist(nearest, expected) < _LINKED * side:
+            if nearest is not None and math.dist(nearest, expected) < AT * side:
                 left.remove(nearest)
                 known.append(one.found(nearest, dt))
             elif one.frames >= _KNOWN and math.dist(expected, target) < _AWAY * side:

@@ -11,7 +11,7 @@ from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.candidates import distinct, maxima, Maximum, share_of, strong
-from vtrack_ros.localisation.distractors import Distractors
+from vtrack_ros.localisation.distractors import AT, Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
 from vtrack_ros.localisation.search_window import inside, ResponseMap
@@ -32,9 +32,8 @@ _MAXIMA = 200
 #: that, in sides, it's of the same thing.
 _DISTRACTING, _APART_FROM = 0.45, 0.2
 #: Distractors as near as that to the target, in sides, may be taken for it; nearer than that one
-#: hides it if only one of them is seen, within a distance from where it's expected, for so many
-#: frames at most.
-_NEAR, _MEETING, _SEEN, _HIDDEN = 0.75, 0.35, 0.3, 12
+#: hides it if only one of them is seen, for so many frames at most.
+_NEAR, _MEETING, _HIDDEN = 0.75, 0.35, 12
 #: Growth and rotation are measured in every so manieth frame, in turns with the scale regression,
 #: and in as many frames after one in which the target grew, or turned by more than that, [rad].
 _MEASURED_EVERY, _TURNING = 4, 0.03
@@ -245,7 +244,7 @@ class GuidedSearch:
             nearest = min(math.dist(each[0], place) for place in theirs)
             if math.dist(each[0], expected) <= nearest:
                 ours.append(each)
-            elif nearest < _SEEN * side:
+            elif nearest < AT * side:
                 others.append(each)
         meeting = min(math.dist(place, expected) for place in theirs) < _MEETING * side
         if not ours or (meeting and not others):
