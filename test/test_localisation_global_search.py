@@ -139,3 +139,17 @@ def test_a_localiser_that_learned_something_else_finds_its_target():
     assert sum(found) == 1
     assert np.hypot(*np.subtract(localiser.center, HERE)) < 3
     assert localiser.similarity > 0.3
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_what_is_half_like_the_target_is_left_for_it_however_the_failure_ended(seed):
+    """It stands where the target was hidden, so nobody has jumped there."""
+    hidden, half = VIDEO.frame(None), VIDEO.frame(ELSEWHERE)
+    half[:120, :160] = (hidden[:120, :160] / 2 + VIDEO.frame(HERE)[:120, :160] / 2)
+    localiser = Localiser(VIDEO.frame(HERE), HERE, TARGET, np.random.default_rng(seed))
+    for frame in [VIDEO.frame(HERE)] * 10 + [hidden] * 6 + [half] * 40:
+        localiser.update(
+            frame, localiser.localise(frame, localiser.center), localiser.center, 1.0)
+        if localiser.restarted:
+            break
+    assert np.hypot(*np.subtract(localiser.center, ELSEWHERE)) < 3

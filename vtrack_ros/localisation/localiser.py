@@ -172,8 +172,7 @@ class Localiser:
                 elsewhere, sharpness = True, verdict.sharpness
             if verdict.over:
                 self._failure = None
-                if elsewhere:
-                    self._global.restart(self._similarity, before.usual_similarity)
+                self._global.restart(self._similarity, before.usual_similarity)
         self.restarted = False
         if search and (self.uncertain or not elsewhere):
             sighting = self._global.update(
