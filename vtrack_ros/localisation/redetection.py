@@ -11,10 +11,11 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.candidates import NOTHING_SEEN, Surroundings
 from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
-from vtrack_ros.localisation.search_window import inside
+from vtrack_ros.localisation.search_window import inside, ResponseMap, SearchWindow
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
 #: Similarity that ends the failure, or justifies a jump from a target that is seen: the lower of a
@@ -29,15 +30,24 @@ _ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
 #: A jump needs this much more similarity, and that often while the present place is plausible.
 _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
-#: The least logarithm of the odds for the target at a place that is worth a jump.
-_ODDS = 0.5
+#: The least logarithm of the odds for the target at a place that is worth a jump. They rise with a
+#: power of the response there, even at that share of the usual one, and of the frames searched,
+#: even at so many: who has just been hidden is rarely back at once.
+_ODDS = 1.3
+_RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
+_FRAMES_POWER, _EVEN_FRAMES = 0.5, 12
 #: Who is seen, and yet isn't the target, was taken for it where the two met: no further from it,
 #: in sides, than that.
 _EXCHANGED = 1.5
 #: Windows searched in a frame; after so many frames by colours, too.
 _SEARCHES, _COLOURED = 3, 8
-#: A place is worth verifying where the response has this share of the usual one.
+#: So many maxima are looked at again, each in the middle of a window: of those of this share of
+#: the usual response the most probable ones, where that share more is a factor of e in the odds,
+#: and further apart than that, in sides. A place is worth verifying that has this share there.
+_LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.2, 0.1, 0.5
 _WORTH_VERIFYING = 0.5
+#: The least that a response is taken for in a share.
+_LEAST_RESPONSE = 1e-6
 #: Weight of the latest step in the velocity.
 _VELOCITY_RATE = 0.3
 #: The target is searched on its straight way on for that long; then where it was seen last.
@@ -93,12 +103,14 @@ class Redetection:
 
     Updates of the live model never stop, since a change of appearance looks like an occlusion.
     The snapshot, of `age` frames before, searches some windows in each frame beside the live one,
-    which it replaces once it has found a place that is verifiably more similar to the target, and
-    where the odds are for it: similarity and sharpness count as for its presence, and the
-    way to it from where the target was, or would be by its velocity before the failure,
-    [px/frame]: as far as a target out of sight strays (`absent_error`), with heavy tails. Long
-    after the failure it isn't on its straight way any more, so where it was seen last counts
-    instead. The failure is over, too, when the live place has been similar enough for a while.
+    and those that the tracker's own search described. It replaces the live one once it has found
+    a place that is verifiably more similar to the target, and where the odds are for it:
+    similarity and sharpness count as for its presence, the response beside the usual one, for how
+    long it has been searched, and the way to it from where the target was, or would be by its
+    velocity before the failure, [px/frame]: as far as a target out of sight strays
+    (`absent_error`), with heavy tails. Long after the failure it isn't on its straight way any
+    more, so where it was seen last counts instead. The failure is over, too, when the live place
+    has been similar enough for a while.
 
     Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
     followed too: it's the same model's, so it can be compared, but the failure is over only once
@@ -130,14 +142,15 @@ class Redetection:
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
                dt: float, search: bool = True, seen: bool = False,
-               distractors: Sequence[Point] = ()) -> Verdict:
+               surroundings: Surroundings = NOTHING_SEEN) -> Verdict:
         """
         Judge the live place, and search with the snapshot, unless not wanted.
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame is left only for a place near it; a model that doesn't learn may go further. No jump
-        is to one of the `distractors`, places in pixels: motion told which one is the target.
+        frame is left only for a place near it; a model that doesn't learn may go further. The
+        windows of the `surroundings` are searched too, and no jump is to one of the distractors
+        there.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -155,7 +168,7 @@ class Redetection:
             return Verdict(live, similarity, over=True)
         if not search:
             return Verdict(live, similarity)
-        candidates = self._candidates(frame, live.center, seen, distractors)
+        candidates = self._candidates(frame, live.center, seen, surroundings)
         learns = self._snapshot.model.LEARNS
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
@@ -182,28 +195,66 @@ class Redetection:
                        sharpness=best.sharpness)
 
     def _candidates(self, frame: Frame, live: Point, seen: bool,
-                    distractors: Sequence[Point]) -> list[Candidate]:
-        """Return what is worth a jump, of the places to search in this frame."""
+                    surroundings: Surroundings) -> list[Candidate]:
+        """Return what is worth a jump, of the maxima in this frame."""
         snapshot, candidates = self._snapshot, []
         side = math.sqrt(math.prod(snapshot.size))
-        for place in self._places(frame):
-            response = snapshot.localise(frame, place)
-            if response.peak < _WORTH_VERIFYING * snapshot.usual_response:
+        for response in self._maxima(frame, surroundings.windows):
+            if response.peak < _WORTH_VERIFYING * self._usual_response:
                 continue
             center = inside(response.center, frame)
             away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
             far = math.dist(center, live) > _EXCHANGED * side
             if not away.any() or (seen and far and snapshot.model.LEARNS):
                 continue
-            if any(math.dist(center, one) < AT * side for one in distractors):
+            if any(math.dist(center, one) < AT * side for one in surroundings.distractors):
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
-            way = min(math.dist(center, place) for place in (snapshot.center, self._forecast))
-            odds = evidence(similarity, response.sharpness) - math.log1p((way / self._spread)**2)
-            candidates.append(
-                Candidate(center, similarity, response.peak, response.sharpness, odds))
+            candidates.append(Candidate(
+                center, similarity, response.peak, response.sharpness,
+                self._odds(center, similarity, response)))
         return candidates
+
+    def _maxima(self, frame: Frame, windows: Sequence[SearchWindow]) -> list[ResponseMap]:
+        """
+        Return the response about the places to search, and in windows that were described anyway.
+
+        A filter's response is less towards the border of a window, so the most promising maxima
+        are looked at again, each in the middle of one.
+        """
+        snapshot = self._snapshot
+        searched = [snapshot.localise(frame, place) for place in self._places(frame)]
+        if not snapshot.model.LEARNS:
+            return searched
+        searched += [ResponseMap(window, snapshot.model.response(window)) for window in windows]
+        usual = self._usual_response
+        promising = sorted(
+            ((each.peak / (_TEMPERATURE * usual) - self._against_way(each.center), each.center)
+             for each in searched if each.peak >= _WORTH_LOOKING * usual), reverse=True)
+        apart = _APART * math.sqrt(math.prod(snapshot.size))
+        places: list[Point] = []
+        for _, center in promising:
+            place = inside(center, frame)
+            if len(places) < _LOOKS and all(math.dist(place, each) > apart for each in places):
+                places.append(place)
+        return [snapshot.localise(frame, place) for place in places]
+
+    def _odds(self, center: Point, similarity: float, response: ResponseMap) -> float:
+        """Return the logarithm of the odds for the target at a place, [px], where it's sought."""
+        share = max(response.peak, _LEAST_RESPONSE) / (_EVEN_RESPONSE * self._usual_response)
+        return (evidence(similarity, response.sharpness) - self._against_way(center)
+                + _RESPONSE_POWER * math.log(share)
+                + _FRAMES_POWER * math.log((1 + self._updates) / _EVEN_FRAMES))
+
+    def _against_way(self, center: Point) -> float:
+        """Return by how much the way to a place, in pixels, lowers the logarithm of the odds."""
+        way = min(math.dist(center, place) for place in (self._snapshot.center, self._forecast))
+        return math.log1p((way / self._spread)**2)
+
+    @property
+    def _usual_response(self) -> float:
+        return max(self._snapshot.usual_response, _LEAST_RESPONSE)
 
     @property
     def _forecast(self) -> Point:
