@@ -44,7 +44,7 @@ _SEARCHES, _COLOURED = 3, 8
 #: So many maxima are looked at again, each in the middle of a window: of those of this share of
 #: the usual response the most probable ones, where that share more is a factor of e in the odds,
 #: and further apart than that, in sides. A place is worth verifying that has this share there.
-_LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.2, 0.1, 0.5
+_LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
 _WORTH_VERIFYING = 0.5
 #: The least that a response is taken for in a share.
 _LEAST_RESPONSE = 1e-6
