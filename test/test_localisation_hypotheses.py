@@ -9,7 +9,7 @@ from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import GuidedSearch, Hypotheses
-from vtrack_ros.localisation.candidates import maxima, Surroundings
+from vtrack_ros.localisation.candidates import maxima
 from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.trackers import create_tracker
 
@@ -124,7 +124,7 @@ def test_redetection_does_not_jump_to_a_distractor(distractor, found):
     for place in places:
         frame = VIDEO.frame(place)
         jumps.append(target.update(frame, target.localise(frame, START), START, 1.0,
-                                   surroundings=Surroundings((), (there,) * distractor)))
+                                   distractors=(there,) * distractor))
         if jumps[-1]:
             break
     assert jumps[-1] is found

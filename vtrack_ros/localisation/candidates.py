@@ -1,6 +1,5 @@
-"""Candidates for the target's place: the maxima of response maps, and what is seen beside it."""
+"""Candidates for the target's place: the maxima of response maps."""
 
-from dataclasses import dataclass
 import math
 from typing import TypeAlias
 
@@ -8,30 +7,13 @@ import cv2
 import numpy as np
 
 from vtrack_ros.frame import Point
-from vtrack_ros.localisation.search_window import ResponseMap, SearchWindow
+from vtrack_ros.localisation.search_window import ResponseMap
 
 #: As many are told apart at most: a flat response has thousands.
 _MOST = 50
 
 #: A maximum of a response: its place, in pixels, the response, and its value there.
 Maximum: TypeAlias = tuple[Point, ResponseMap, float]
-
-
-@dataclass(frozen=True)
-class Surroundings:
-    """
-    What a tracker's own search saw about the target in a frame.
-
-    The `windows` that it described, and the places, in pixels, of those `distractors` so near that
-    only motion tells which one is the target.
-    """
-
-    windows: tuple[SearchWindow, ...] = ()
-    distractors: tuple[Point, ...] = ()
-
-
-#: Of a tracker that doesn't look around.
-NOTHING_SEEN = Surroundings()
 
 
 def strong(every: list[Maximum], share: float) -> list[Maximum]:

@@ -10,12 +10,11 @@ from vtrack_ros.appearance.image_motion import SparsePicture, TargetFlow, Target
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.candidates import (
-    distinct, maxima, Maximum, NOTHING_SEEN, share_of, strong, Surroundings)
+from vtrack_ros.localisation.candidates import distinct, maxima, Maximum, share_of, strong
 from vtrack_ros.localisation.distractors import AT, Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
-from vtrack_ros.localisation.search_window import inside, ResponseMap, SearchWindow
+from vtrack_ros.localisation.search_window import inside, ResponseMap
 
 #: Below this share of the usual response, or after so many frames, more windows are searched.
 _LOW, _LONG = 0.75, 1.5
@@ -56,13 +55,14 @@ class Found:
     """
     What a search brought: the response in the best window, and the target's place, in pixels.
 
-    `hidden` tells that the place is only where it's expected, for a distractor is there. `motion`
-    is what the target's motion to it adds to the evidence for its presence.
+    The `distractors` are the places, in pixels, of those so near that only motion tells which one
+    is the target; `hidden` tells that the place is only where it's expected, for one of them is
+    there. `motion` is what the target's motion to it adds to the evidence for its presence.
     """
 
     response: ResponseMap
     place: Point
-    surroundings: Surroundings = NOTHING_SEEN
+    distractors: tuple[Point, ...] = ()
     hidden: bool = False
     motion: float = 0.0
 
@@ -127,7 +127,7 @@ class GuidedSearch:
         every = sorted(((place, response, value) for response in maps
                         for place, value in maxima(response, _DISTRACTING)),
                        key=lambda each: -each[2])[:_MAXIMA]
-        found = self._identified(frame, maps, every, expected, dt)
+        found = self._identified(frame, maps[0], every, expected, dt)
         self._found = self._confirmed(frame, found, expected)
         if target.network is None:
             self._follow_distractors(frame, every, dt)
@@ -229,18 +229,15 @@ class GuidedSearch:
                 places.append(place)
         return places[1:]
 
-    def _identified(self, frame: Frame, maps: list[ResponseMap], every: list[Maximum],
+    def _identified(self, frame: Frame, response: ResponseMap, every: list[Maximum],
                     expected: Point, dt: float) -> Found:
         """Return the target among maxima, or where it's expected while a distractor hides it."""
         side = self._side
         theirs = [] if dt > _LONG else self._distractors.near(expected, _NEAR * side, dt)
-        seen = Surroundings(
-            tuple(each.window for each in maps if isinstance(each.window, SearchWindow)),
-            tuple(theirs))
         if not theirs:
             self._hidden = 0.0
-            every = [each for each in every if each[2] >= share_of(each[1].peak, _CANDIDATE)]
-            return replace(self._chosen(frame, every, dt), surroundings=seen)
+            return self._chosen(frame, [
+                each for each in every if each[2] >= share_of(each[1].peak, _CANDIDATE)], dt)
         ours: list[Maximum] = []
         others: list[Maximum] = []
         for each in strong(every, _DISTRACTING):
@@ -253,10 +250,10 @@ class GuidedSearch:
         if not ours or (meeting and not others):
             self._hidden += dt
             if self._hidden <= _HIDDEN:
-                return Found(maps[0], expected, seen, hidden=True)
+                return Found(response, expected, tuple(theirs), hidden=True)
             self._distractors.forget(expected, _NEAR * side, dt)
-        return replace(
-            self._chosen(frame, strong(ours or every, _CANDIDATE), dt), surroundings=seen)
+        return replace(self._chosen(frame, strong(ours or every, _CANDIDATE), dt),
+                       distractors=tuple(theirs))
 
     def _chosen(self, frame: Frame, every: list[Maximum], dt: float) -> Found:
         """Return the most probable of maxima, the highest of which is the first."""

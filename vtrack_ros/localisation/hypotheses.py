@@ -13,7 +13,6 @@ from vtrack_ros.appearance.siamese_network import (
     EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.candidates import NOTHING_SEEN, Surroundings
 from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import ALWAYS_GOOD, latest_weight
@@ -181,18 +180,19 @@ class Hypotheses:
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
                hidden: bool = False, motion: float = 0.0,
-               surroundings: Surroundings = NOTHING_SEEN) -> bool:
+               distractors: Sequence[Point] = ()) -> bool:
         """
         Take the place that a tracker decided for; see `Localiser.update`.
 
         While the target is hidden by a distractor the other model isn't asked: it would follow it.
-        If it has followed one of those near the target it starts again beside the leader: it goes
-        by the look alone, and motion told which one is the target.
+        If it has followed one of those near the target, their places in pixels, it starts again
+        beside the leader: it goes by the look alone, and motion told which one is the target. Nor
+        does re-detection, which goes by it too, jump to one.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
         elsewhere = self._leader.update(
-            frame, response, center, dt, motion=motion, surroundings=surroundings)
+            frame, response, center, dt, motion=motion, distractors=distractors)
         if self.network is not None:
             return elsewhere
         if self._leader.restarted:
@@ -212,7 +212,7 @@ class Hypotheses:
         rate = latest_weight(_RATE, 1, self._frames)
         for each, mean in self._similarities.items():
             self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
-        return self._decide(surroundings.distractors) or elsewhere
+        return self._decide(distractors) or elsewhere
 
     def require(self, confidence: float) -> None:
         """Say that the target is there from this confidence on."""

@@ -1,5 +1,6 @@
 """Localises one target frame by frame: what every tracker of this package holds."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 import math
@@ -11,7 +12,6 @@ from vtrack_ros.appearance.image_motion import TargetFlow
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.affine import transformation
-from vtrack_ros.localisation.candidates import NOTHING_SEEN, Surroundings
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after)
@@ -148,12 +148,12 @@ class Localiser:
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
                search: bool = True, motion: float = 0.0,
-               surroundings: Surroundings = NOTHING_SEEN) -> bool:
+               distractors: Sequence[Point] = ()) -> bool:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
-        After a failure it's searched elsewhere too, unless somebody else does that; see
-        `Redetection.update`. `motion` is what its motion adds to the evidence.
+        After a failure it's searched elsewhere too, unless somebody else does that; no jump is to
+        one of the `distractors`, [px]. `motion` is what its motion adds to the evidence.
 
         Returns whether it was found again elsewhere. Else its centre is the given one, or next to
         it: near the border of a window it's localised twice. It's turned as the window was.
@@ -166,7 +166,7 @@ class Localiser:
         else:
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, search,
-                not self._presence.unseen_frames, surroundings)
+                not self._presence.unseen_frames, distractors)
             self._live, self._similarity = verdict.live, verdict.similarity
             if verdict.elsewhere:
                 elsewhere, sharpness = True, verdict.sharpness

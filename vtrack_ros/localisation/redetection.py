@@ -11,11 +11,10 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
-from vtrack_ros.localisation.candidates import NOTHING_SEEN, Surroundings
 from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
-from vtrack_ros.localisation.search_window import inside, ResponseMap, SearchWindow
+from vtrack_ros.localisation.search_window import inside, ResponseMap
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
 #: Similarity that ends the failure, or justifies a jump from a target that is seen: the lower of a
@@ -103,14 +102,13 @@ class Redetection:
 
     Updates of the live model never stop, since a change of appearance looks like an occlusion.
     The snapshot, of `age` frames before, searches some windows in each frame beside the live one,
-    and those that the tracker's own search described. It replaces the live one once it has found
-    a place that is verifiably more similar to the target, and where the odds are for it:
-    similarity and sharpness count as for its presence, the response beside the usual one, for how
-    long it has been searched, and the way to it from where the target was, or would be by its
-    velocity before the failure, [px/frame]: as far as a target out of sight strays
-    (`absent_error`), with heavy tails. Long after the failure it isn't on its straight way any
-    more, so where it was seen last counts instead. The failure is over, too, when the live place
-    has been similar enough for a while.
+    which it replaces once it has found a place that is verifiably more similar to the target, and
+    where the odds are for it: similarity and sharpness count as for its presence, the response
+    beside the usual one, for how long it has been searched, and the way to it from where the
+    target was, or would be by its velocity before the failure, [px/frame]: as far as a target out
+    of sight strays (`absent_error`), with heavy tails. Long after the failure it isn't on its
+    straight way any more, so where it was seen last counts instead. The failure is over, too, when
+    the live place has been similar enough for a while.
 
     Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
     followed too: it's the same model's, so it can be compared, but the failure is over only once
@@ -142,15 +140,14 @@ class Redetection:
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
                dt: float, search: bool = True, seen: bool = False,
-               surroundings: Surroundings = NOTHING_SEEN) -> Verdict:
+               distractors: Sequence[Point] = ()) -> Verdict:
         """
         Judge the live place, and search with the snapshot, unless not wanted.
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame is left only for a place near it; a model that doesn't learn may go further. The
-        windows of the `surroundings` are searched too, and no jump is to one of the distractors
-        there.
+        frame is left only for a place near it; a model that doesn't learn may go further. No jump
+        is to one of the `distractors`, places in pixels: motion told which one is the target.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -168,7 +165,7 @@ class Redetection:
             return Verdict(live, similarity, over=True)
         if not search:
             return Verdict(live, similarity)
-        candidates = self._candidates(frame, live.center, seen, surroundings)
+        candidates = self._candidates(frame, live.center, seen, distractors)
         learns = self._snapshot.model.LEARNS
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
@@ -195,11 +192,11 @@ class Redetection:
                        sharpness=best.sharpness)
 
     def _candidates(self, frame: Frame, live: Point, seen: bool,
-                    surroundings: Surroundings) -> list[Candidate]:
+                    distractors: Sequence[Point]) -> list[Candidate]:
         """Return what is worth a jump, of the maxima in this frame."""
         snapshot, candidates = self._snapshot, []
         side = math.sqrt(math.prod(snapshot.size))
-        for response in self._maxima(frame, surroundings.windows):
+        for response in self._maxima(frame):
             if response.peak < _WORTH_VERIFYING * self._usual_response:
                 continue
             center = inside(response.center, frame)
@@ -207,7 +204,7 @@ class Redetection:
             far = math.dist(center, live) > _EXCHANGED * side
             if not away.any() or (seen and far and snapshot.model.LEARNS):
                 continue
-            if any(math.dist(center, one) < AT * side for one in surroundings.distractors):
+            if any(math.dist(center, one) < AT * side for one in distractors):
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
@@ -216,18 +213,17 @@ class Redetection:
                 self._odds(center, similarity, response)))
         return candidates
 
-    def _maxima(self, frame: Frame, windows: Sequence[SearchWindow]) -> list[ResponseMap]:
+    def _maxima(self, frame: Frame) -> list[ResponseMap]:
         """
-        Return the response about the places to search, and in windows that were described anyway.
+        Return the responses about the most promising places of this frame.
 
-        A filter's response is less towards the border of a window, so the most promising maxima
-        are looked at again, each in the middle of one.
+        A filter's response is less towards the border of a window, so what is found there is
+        looked at again, in the middle of one.
         """
         snapshot = self._snapshot
         searched = [snapshot.localise(frame, place) for place in self._places(frame)]
         if not snapshot.model.LEARNS:
             return searched
-        searched += [ResponseMap(window, snapshot.model.response(window)) for window in windows]
         usual = self._usual_response
         promising = sorted(
             ((each.peak / (_TEMPERATURE * usual) - self._against_way(each.center), each.center)

@@ -71,12 +71,12 @@ class MeanShiftParticleFilter(LocalisedTracker):
             zeta, climbed, self._climbed(response, weights, (best[0], best[1])), SIGMA,
             max(localiser.size) / 2, float(values['accepted']), float(values['rejected']))
         # what climbs the response would leave the target for its double
-        center = (start if place is None or found.surroundings.distractors
+        center = (start if place is None or found.distractors
                   else response.unless_dominated(place, start))
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
         elsewhere = localiser.update(
-            frame, response, center, dt, found.hidden, found.motion, found.surroundings)
+            frame, response, center, dt, found.hidden, found.motion, found.distractors)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             # what was drawn and found about the old place says nothing of the new one

@@ -82,7 +82,7 @@ class AffineParticleFilter(LocalisedTracker):
         weights = self._weigh(frame, dt, found)
         self._state = particles.mean(weights)
         elsewhere = localiser.update(
-            frame, found.response, found.place, dt, found.hidden, found.motion, found.surroundings)
+            frame, found.response, found.place, dt, found.hidden, found.motion, found.distractors)
         self._search.follow(dt, elsewhere)
         self._place(elsewhere)
         if not (localiser.uncertain or found.hidden):

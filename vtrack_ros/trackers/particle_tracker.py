@@ -92,7 +92,7 @@ class ParticleTracker(LocalisedTracker):
             proposed, None if found.hidden else likelihood, dt).weights.values
         mean = weights @ boxes
         elsewhere = localiser.update(
-            frame, response, found.place, dt, found.hidden, found.motion, found.surroundings)
+            frame, response, found.place, dt, found.hidden, found.motion, found.distractors)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             return self._restart()
