@@ -11,6 +11,7 @@ import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
+from vtrack_ros.localisation.candidates import distinct
 from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
@@ -225,16 +226,14 @@ class Redetection:
         if not snapshot.model.LEARNS:
             return searched
         usual = self._usual_response
-        promising = sorted(
-            ((each.peak / (_TEMPERATURE * usual) - self._against_way(each.center), each.center)
-             for each in searched if each.peak >= _WORTH_LOOKING * usual), reverse=True)
+        promising = sorted((
+            (inside(each.center, frame), each,
+             each.peak / (_TEMPERATURE * usual) - self._against_way(each.center))
+            for each in searched if each.peak >= _WORTH_LOOKING * usual),
+            key=lambda one: -one[2])
         apart = _APART * math.sqrt(math.prod(snapshot.size))
-        places: list[Point] = []
-        for _, center in promising:
-            place = inside(center, frame)
-            if len(places) < _LOOKS and all(math.dist(place, each) > apart for each in places):
-                places.append(place)
-        return [snapshot.localise(frame, place) for place in places]
+        return [snapshot.localise(frame, place)
+                for place, _, _ in distinct(promising, apart)[:_LOOKS]]
 
     def _odds(self, center: Point, similarity: float, response: ResponseMap) -> float:
         """Return the logarithm of the odds for the target at a place, [px], where it's sought."""
