@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from drawn_video import box_at, DrawnVideo, START, TARGET
+from drawn_video import DrawnVideo, TARGET
 import numpy as np
 import pytest
 
@@ -14,7 +14,6 @@ from vtrack_ros.localisation.presence import absent_error, has_failed, InitialTe
 from vtrack_ros.localisation.redetection import mean_velocity, Redetection
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
-from vtrack_ros.trackers import create_tracker
 
 HERE, ELSEWHERE = (60.0, 60.0), (250.0, 180.0)
 VIDEO = DrawnVideo(seed=4, blob=60)
@@ -380,19 +379,6 @@ def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
     assert np.hypot(*np.subtract(other.center, HERE)) < 4
     other.resume(other.snapshot, Localiser(first, HERE, TARGET, np.random.default_rng(seed)))
     assert not other.uncertain
-
-
-@pytest.mark.parametrize('offset', [(1.8, -1.2), (-2.2, 0.5), (0.3, 2.0)])
-@pytest.mark.parametrize('name', ['dcf', 'gmpf'])
-def test_a_target_that_was_hidden_for_a_second_is_found_at_once(name, offset):
-    """Two of its sides from where it was: there is where it's searched, within two frames."""
-    for seed in range(4):
-        video, tracker = DrawnVideo(seed=seed), create_tracker(name, seed=seed)
-        place = tuple(at + shift * side for at, shift, side in zip(START, offset, TARGET))
-        tracker.start(video.frame(START), box_at(START))
-        for center in [START] * 10 + [None] * 30 + [place]:
-            tracker.update(video.frame(center))
-        assert tracker.update(video.frame(place)).box.iou(box_at(place)) > 0.5
 
 
 def test_the_size_of_an_uncertain_target_is_bounded(known):

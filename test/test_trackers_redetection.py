@@ -15,7 +15,7 @@ from vtrack_ros.trackers import create_tracker, TrackState
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'dcf')
 #: Those that localise in their own ways: what localisation does alone is tested with these.
 FEW = ('dcf', 'appf')
-START = (70.0, 110.0)
+START, CENTER = (70.0, 110.0), (140.0, 110.0)
 
 
 def hidden_behind(frame, left, right, colour):
@@ -118,6 +118,19 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
     for _ in range(5):
         estimate = tracker.update(video.frame(there))
     assert estimate.state is TrackState.TRACKING
+
+
+@pytest.mark.parametrize('offset', [(1.8, -1.2), (-2.2, 0.5), (0.3, 2.0)])
+@pytest.mark.parametrize('name', ['dcf', 'gmpf'])
+def test_a_target_that_was_hidden_for_a_second_is_found_at_once(name, offset):
+    """Two of its sides from where it was: there is where it's searched, within two frames."""
+    for seed in range(4):
+        video, tracker = DrawnVideo(seed=seed), create_tracker(name, seed=seed)
+        place = tuple(at + shift * side for at, shift, side in zip(CENTER, offset, TARGET))
+        tracker.start(video.frame(CENTER), box_at(CENTER))
+        for center in [CENTER] * 10 + [None] * 30 + [place]:
+            tracker.update(video.frame(center))
+        assert tracker.update(video.frame(place)).box.iou(box_at(place)) > 0.5
 
 
 @pytest.mark.parametrize('name', ('gmpf', 'pf', 'pqkpf', 'abmspf', 'dcf'))
