@@ -105,7 +105,7 @@ class Localiser:
     @property
     def usual_response(self) -> float:
         """Return the running mean of the highest response, which is positive."""
-        return max(self._live.usual_response, 1e-6)
+        return self._live.response_unit
 
     @property
     def uncertain(self) -> bool:

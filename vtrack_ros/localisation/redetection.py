@@ -46,8 +46,8 @@ _SEARCHES, _COLOURED = 3, 8
 #: and further apart than that, in sides. A place is worth verifying that has this share there.
 _LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
 _WORTH_VERIFYING = 0.5
-#: The least that a response is taken for in a share.
-_LEAST_RESPONSE = 1e-6
+#: The least that a share of the usual response is taken for.
+_LEAST_SHARE = 1e-6
 #: Weight of the latest step in the velocity.
 _VELOCITY_RATE = 0.3
 #: The target is searched on its straight way on for that long; then where it was seen last.
@@ -71,7 +71,7 @@ class Candidate:
     """
     A place that was searched, in pixels, its similarity, and its response.
 
-    `odds` is the logarithm of the odds for the target there: by its look, and by the way to it.
+    `odds` is the logarithm of the odds for the target there: see `Redetection`.
     """
 
     center: Point
@@ -198,7 +198,7 @@ class Redetection:
         snapshot, candidates = self._snapshot, []
         side = math.sqrt(math.prod(snapshot.size))
         for response in self._maxima(frame):
-            if response.peak < _WORTH_VERIFYING * self._usual_response:
+            if response.peak < _WORTH_VERIFYING * snapshot.response_unit:
                 continue
             center = inside(response.center, frame)
             away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
@@ -225,7 +225,7 @@ class Redetection:
         searched = [snapshot.localise(frame, place) for place in self._places(frame)]
         if not snapshot.model.LEARNS:
             return searched
-        usual = self._usual_response
+        usual = snapshot.response_unit
         promising = sorted((
             (inside(each.center, frame), each,
              each.peak / (_TEMPERATURE * usual) - self._against_way(each.center))
@@ -237,19 +237,15 @@ class Redetection:
 
     def _odds(self, center: Point, similarity: float, response: ResponseMap) -> float:
         """Return the logarithm of the odds for the target at a place, [px], where it's sought."""
-        share = max(response.peak, _LEAST_RESPONSE) / (_EVEN_RESPONSE * self._usual_response)
+        share = response.peak / self._snapshot.response_unit
         return (evidence(similarity, response.sharpness) - self._against_way(center)
-                + _RESPONSE_POWER * math.log(share)
+                + _RESPONSE_POWER * math.log(max(share, _LEAST_SHARE) / _EVEN_RESPONSE)
                 + _FRAMES_POWER * math.log((1 + self._updates) / _EVEN_FRAMES))
 
     def _against_way(self, center: Point) -> float:
         """Return by how much the way to a place, in pixels, lowers the logarithm of the odds."""
         way = min(math.dist(center, place) for place in (self._snapshot.center, self._forecast))
         return math.log1p((way / self._spread)**2)
-
-    @property
-    def _usual_response(self) -> float:
-        return max(self._snapshot.usual_response, _LEAST_RESPONSE)
 
     @property
     def _forecast(self) -> Point:

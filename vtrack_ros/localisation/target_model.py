@@ -30,6 +30,8 @@ _SCALE_RATE = 0.05
 _FIRST_IN_FILTER, _FIRST_IN_SCALE = 0.3, 0.15
 #: The usual response and similarity follow slowly, or they would get used to an occluder.
 _USUAL_RATE = 0.03
+#: The least that the usual response is taken for where others are shares of it.
+_LEAST_RESPONSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,11 @@ class TargetSnapshot:
     def angle(self) -> float:
         """Return by how much the target has turned, [rad]: 0 where that may be an error."""
         return self.turn if abs(self.turn) > _LEAST_TURN else 0.0
+
+    @property
+    def response_unit(self) -> float:
+        """Return what responses are shares of: the usual one, which is positive here."""
+        return max(self.usual_response, _LEAST_RESPONSE)
 
     def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
         """Return the response in the window about a place, in pixels; maybe at another angle."""
