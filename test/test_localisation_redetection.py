@@ -11,7 +11,7 @@ import pytest
 
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import absent_error, has_failed, InitialTemplate
-from vtrack_ros.localisation.redetection import mean_velocity, Redetection
+from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
@@ -384,11 +384,3 @@ def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
 def test_the_size_of_an_uncertain_target_is_bounded(known):
     """By half as much again, up and down, of the first width times the factor of before."""
     assert search(known[0], Verifier(0.0)).bounds(TARGET[0] / 2) == (2 / 1.5, 2 * 1.5)
-
-
-def test_velocity_is_a_running_mean():
-    """0.3 of the latest step's, in pixels a frame."""
-    velocity = mean_velocity((0.0, 0.0), (10.0, 10.0), (18.0, 10.0), 2.0)
-    assert velocity == pytest.approx((0.3 * 4, 0.0))
-    velocity = mean_velocity(velocity, (18.0, 10.0), (18.0, 13.0), 1.0)
-    assert velocity == pytest.approx((0.7 * 0.3 * 4, 0.3 * 3))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import math
 
 from vtrack_ros.frame import Point
+from vtrack_ros.localisation.running_means import mean_velocity
 
 #: A maximum of the response begins a distractor further than that from the target, in sides.
 _AWAY = 0.4
@@ -48,9 +49,8 @@ class Distractor:
     def found(self, place: Point, dt: float) -> Distractor:
         """Return it at the place, in pixels, where it was found after `dt`."""
         rate = _VELOCITY_RATE if self.frames > 1 else 1.0
-        x, y = ((1 - rate) * velocity + rate * (now - before) / dt
-                for velocity, now, before in zip(self.velocity, place, self.place))
-        return replace(self, place=place, velocity=(x, y), frames=self.frames + 1, unseen=0.0)
+        velocity = mean_velocity(self.velocity, self.place, place, dt, rate)
+        return replace(self, place=place, velocity=velocity, frames=self.frames + 1, unseen=0.0)
 
 
 class Distractors:

@@ -14,6 +14,7 @@ from vtrack_ros.localisation.candidates import distinct, maxima, Maximum, share_
 from vtrack_ros.localisation.distractors import AT, Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
+from vtrack_ros.localisation.running_means import mean_velocity
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 
 #: Below this share of the usual response, or after so many frames, more windows are searched.
@@ -99,7 +100,9 @@ class GuidedSearch:
         self._start = target.center
         self._forecasts: dict[str, Point] = {}
         self._shift: Point | None = None
-        self._velocity = self._own_velocity = np.zeros(2)
+        self._velocity: Point = (0.0, 0.0)
+        #: That beside the camera's motion.
+        self._own_velocity: Point = (0.0, 0.0)
         self._distractors = Distractors()
         self._evidence = MotionEvidence(self._picture, target.box)
         #: For so many frames the target has been hidden since a distractor came near.
@@ -143,16 +146,18 @@ class GuidedSearch:
         if elsewhere or self._found.hidden or target.network is not None:
             self._evidence.restart()
         if elsewhere or not target.is_followed:
-            self._velocity, self._own_velocity = _FADING * self._velocity, np.zeros(2)
+            (x, y), self._own_velocity = self._velocity, (0.0, 0.0)
+            self._velocity = _FADING * x, _FADING * y
             return
         if self._found.hidden:
             return
-        step = np.subtract(target.center, self._start)
         self._mixture.update(target.center, self._forecasts, self._side)
-        self._velocity = (1 - _VELOCITY_RATE) * self._velocity + _VELOCITY_RATE * step / dt
+        center, start = target.center, self._start
+        self._velocity = mean_velocity(self._velocity, start, center, dt, _VELOCITY_RATE)
         if self._shift is not None:
-            own = (step - self._shift) / dt
-            self._own_velocity = (1 - _VELOCITY_RATE) * self._own_velocity + _VELOCITY_RATE * own
+            step = center[0] - start[0], center[1] - start[1]
+            self._own_velocity = mean_velocity(
+                self._own_velocity, self._shift, step, dt, _VELOCITY_RATE)
 
     def _transform(self, frame: Frame, dt: float) -> None:
         """Let the target grow and turn as its own points do, if no distractor is near."""
@@ -202,7 +207,7 @@ class GuidedSearch:
 
     def _forecast(self, dt: float, own: Point | None) -> dict[str, Point]:
         """Return where the target is expected, by name of the forecast, in pixels."""
-        forecasts = {STAYING: self._start, 'moving': _moved(self._start, dt * self._velocity)}
+        forecasts = {STAYING: self._start, 'moving': _moved(self._start, self._velocity, dt)}
         forecasts |= self._along('camera', self._shift, dt)
         if own is not None:
             forecasts['own'] = own
@@ -214,7 +219,7 @@ class GuidedSearch:
             return {}
         there = _moved(self._start, step)
         return {f'with {name}': there,
-                f'beside {name}': _moved(there, dt * self._own_velocity)}
+                f'beside {name}': _moved(there, self._own_velocity, dt)}
 
     def _others(self, frame: Frame, expected: Point) -> list[Point]:
         """Return places for more windows: the other forecasts', and eight around."""
@@ -283,5 +288,5 @@ class GuidedSearch:
             self._distractors.compare(place, self._side, partial(target.likeness, frame))
 
 
-def _moved(place: Point, step: np.ndarray | Point) -> Point:
-    return float(place[0] + step[0]), float(place[1] + step[1])
+def _moved(place: Point, velocity: Point, dt: float = 1.0) -> Point:
+    return place[0] + dt * velocity[0], place[1] + dt * velocity[1]

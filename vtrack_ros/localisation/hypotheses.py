@@ -15,7 +15,8 @@ from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.presence import ALWAYS_GOOD, latest_weight
+from vtrack_ros.localisation.presence import ALWAYS_GOOD
+from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import inside, ResponseMap
 from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser
 from vtrack_ros.tracker import Estimate

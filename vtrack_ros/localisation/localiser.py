@@ -15,7 +15,8 @@ from vtrack_ros.geometry.affine import transformation
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after)
-from vtrack_ros.localisation.redetection import mean_velocity, Redetection
+from vtrack_ros.localisation.redetection import Redetection
+from vtrack_ros.localisation.running_means import mean_velocity
 from vtrack_ros.localisation.search_window import (
     COARSE, FINE, inside, ResponseMap, SearchWindow, WindowLayout)
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
@@ -32,8 +33,9 @@ SMALLEST, LARGEST = 0.05, 20.0
 #: The least that's usual after the first frame: this share of the response to it, and that
 #: similarity; where a target has darted off in the second frame both are far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
-#: In every so manieth frame a target that has turned is looked at by other angles, too.
-_TURNED_EVERY = 4
+#: In every so manieth frame a target that has turned is looked at by other angles, too; weight of
+#: the latest step in its velocity.
+_TURNED_EVERY, _VELOCITY_RATE = 4, 0.3
 #: The least that the usual similarity is taken for where others are compared with it.
 _LEAST_USUAL = 0.1
 
@@ -142,9 +144,8 @@ class Localiser:
 
     def likeness(self, frame: Frame, place: Point) -> float:
         """Return a place's similarity to the initial template, as a share of the usual one."""
-        live = self._live
-        similarity = self._template.similarity(live.window(frame, inside(place, frame)))
-        return similarity / max(live.usual_similarity, _LEAST_USUAL)
+        similarity = self._template.similarity(self._live.window(frame, inside(place, frame)))
+        return similarity / max(self._live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
                search: bool = True, motion: float = 0.0,
@@ -221,8 +222,7 @@ class Localiser:
         return Estimate(
             box=box, angle=angle, covariance=covariance + np.diag(missing),
             confidence=self._presence.confidence, state=state_after(self._presence.absent_frames),
-            particles=particles,
-            affine=transformation(center, size, angle) if angle else None)
+            particles=particles, affine=transformation(center, size, angle) if angle else None)
 
     def _restart(self, center: Point, size: Point, similarity: float) -> None:
         """Begin again with what was learned first, at a place so similar to the first one."""
@@ -296,4 +296,5 @@ class Localiser:
             self._failure = Redetection(before, self._template, self._velocity, dt, self._rng)
         else:
             self._live = self._live.followed(peak, self._similarity)
-            self._velocity = mean_velocity(self._velocity, before.center, self.center, dt)
+            self._velocity = mean_velocity(
+                self._velocity, before.center, self.center, dt, _VELOCITY_RATE)

@@ -6,7 +6,7 @@ import math
 
 from vtrack_ros.appearance.image_motion import SparsePicture
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.presence import latest_weight
+from vtrack_ros.localisation.running_means import latest_weight
 
 #: The motion is measured over so many frames, from the first on: not where size and flow are.
 _EVERY = 2

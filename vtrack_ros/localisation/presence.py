@@ -10,6 +10,7 @@ import numpy as np
 from vtrack_ros.appearance.colour_model import ColourModel
 from vtrack_ros.appearance.regression import CorrelationFilter
 from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import SearchWindow
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 from vtrack_ros.tracker import TrackState
@@ -243,15 +244,6 @@ def evidence(similarity: float, sharpness: float) -> float:
             + _SIMILARITY_WEIGHT * math.log(max(similarity, _LEAST_SIMILARITY)) + _INTERCEPT)
 
 
-def latest_weight(rate: float, dt: float, time: float) -> float:
-    """
-    Return the weight of what came in the last `dt` in a running mean over a `time`.
-
-    It's that of a plain mean at first, and `rate` in a frame later on.
-    """
-    return min(max(rate * dt, dt / time), 1.0)
-
-
 def logistic(value: float) -> float:
     """Return 1 / (1 + exp(-value)), without overflow."""
     return 0.5 + 0.5 * math.tanh(value / 2)
@@ -281,6 +273,4 @@ def unknown_covariance(
     if frames:
         center += absent_error(frames)**2
         size += _ABSENT_SIZE**2
-    covariance = np.zeros((4, 4))
-    covariance.flat[::5] = area * center, area * center, area * size, area * size
-    return covariance
+    return np.diag((area * center, area * center, area * size, area * size))

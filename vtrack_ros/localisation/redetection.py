@@ -48,8 +48,6 @@ _LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
 _WORTH_VERIFYING = 0.5
 #: The least that a share of the usual response is taken for.
 _LEAST_SHARE = 1e-6
-#: Weight of the latest step in the velocity.
-_VELOCITY_RATE = 0.3
 #: The target is searched on its straight way on for that long; then where it was seen last.
 _EXTRAPOLATED_FRAMES = 60
 #: By which factor the size of a target may change that isn't certain.
@@ -57,13 +55,6 @@ _DRIFT = 1.5
 #: A model that doesn't learn prefers another place where its response has this share of the usual
 #: one before the failure, and is higher than at the present place by so much.
 _PREFERRED, _PREFERENCE = 0.7, 0.2
-
-
-def mean_velocity(before: Point, start: Point, end: Point, dt: float) -> Point:
-    """Return the running mean of a velocity, [px/frame], after one more step of `dt` frames."""
-    x, y = ((1 - _VELOCITY_RATE) * velocity + _VELOCITY_RATE * (now - then) / dt
-            for velocity, then, now in zip(before, start, end))
-    return x, y
 
 
 @dataclass(frozen=True)
