@@ -44,7 +44,9 @@ class ForecastMixture:
 
     def best(self, names: Mapping[str, Point]) -> str:
         """Return the name of the forecast with the least mean error; staying has a start."""
-        return min(names, key=lambda name: self.error(name) + (name != STAYING) * _BETTER)
+        errors = {name: self._errors.get(name, _FIRST_ERROR) + _BETTER for name in names}
+        errors[STAYING] -= _BETTER
+        return min(errors, key=errors.__getitem__)
 
     @np.errstate(over='ignore')  # after a long pause a forecast may be anywhere
     def log_density(self, places: Array, forecasts: Mapping[str, Point], unit: float,
@@ -66,5 +68,5 @@ class ForecastMixture:
         """Learn from where the target was found how wrong each forecast was."""
         self._frames += 1
         for name, forecast in forecasts.items():
-            error = min(math.dist(place, forecast) / unit, _LARGEST)
-            self._errors[name] = self.error(name) + _RATE * (error - self.error(name))
+            error, mean = min(math.dist(place, forecast) / unit, _LARGEST), self.error(name)
+            self._errors[name] = mean + _RATE * (error - mean)

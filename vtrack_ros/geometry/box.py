@@ -30,6 +30,8 @@ class Box:
     def __post_init__(self) -> None:
         """Convert the values to float and check them."""
         for name, value in tuple(self.__dict__.items()):
+            if type(value) is float and math.isfinite(value):
+                continue
             try:
                 if not hasattr(value, '__float__'):
                     raise TypeError

@@ -11,6 +11,8 @@ from vtrack_ros.localisation.search_window import ResponseMap
 
 #: As many are told apart at most: a flat response has thousands.
 _MOST = 50
+#: A cell and those about it.
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 #: A maximum of a response: its place, in pixels, the response, and its value there.
 Maximum: TypeAlias = tuple[Point, ResponseMap, float]
@@ -40,7 +42,7 @@ def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
 def maxima(response: ResponseMap, share: float) -> list[tuple[Point, float]]:
     """Return the local maxima, in pixels, and their values, down to a share of the highest."""
     values = response.values
-    highest = cv2.dilate(values, np.ones((3, 3), np.uint8))
+    highest = cv2.dilate(values, _NEIGHBOURS)
     least = share_of(response.peak, share)
     rows, columns = np.nonzero((values >= highest) & (values >= least))
     return [(response.maximum((column, row)), values.item(row, column))

@@ -132,16 +132,15 @@ class ParticleTracker(LocalisedTracker):
 
     def _correct(self, mean: Array) -> None:
         """Let the forecast build on the target's place; far from it, carry the particles there."""
-        step = np.subtract(self._localiser.center, mean)
-        belief = self._filter.belief
-        if math.hypot(*step) > _CARRIED * self._side:
+        center, belief = self._localiser.center, self._filter.belief
+        if math.dist(center, mean.tolist()) > _CARRIED * self._side:
             states = belief.states.copy()
-            states[:, :2] += step
+            states[:, :2] += center - mean
             belief = self._filter.belief = replace(belief, states=states)
         estimates = belief.estimates
         if estimates:
             latest = estimates[-1].copy()
-            latest[:2] = self._localiser.center
+            latest[:2] = center
             self._filter.correct_estimate(latest)
 
     def _boxes(self, states: Array) -> Array:
