@@ -82,6 +82,21 @@ def test_what_was_found_after_a_failure_is_doubted_until_it_is_like_the_target(s
     assert not any(sightings(search, live, frame, 0.24, 150))
 
 
+def test_where_it_was_lost_as_like_as_what_is_tracked_is_enough(search_and_live):
+    """Elsewhere it has to be far more like the target; and who is confirmed isn't lost."""
+    search, live = search_and_live
+    frame = VIDEO.frame(ELSEWHERE)
+    search.restart(0.6, usual=0.9)
+    assert not any(sightings(search, live, frame, 0.6, 100))
+    search.restart(0.6, usual=0.9, lost=(ELSEWHERE[0] + 20, ELSEWHERE[1]))
+    found = [one for one in sightings(search, live, frame, 0.6, 40) if one]
+    assert found
+    assert np.hypot(*np.subtract(found[0].center, ELSEWHERE)) < 3
+    search.restart(0.6, usual=0.9, lost=ELSEWHERE)
+    sightings(search, live, VIDEO.frame(None), 0.85, 20)
+    assert not any(sightings(search, live, frame, 0.6, 100))
+
+
 def test_time_passes_with_frames_that_were_dropped(search_and_live):
     """The patience is one in frames' time: frames of twice the interval count twice."""
     search, live = search_and_live
@@ -153,3 +168,24 @@ def test_what_is_half_like_the_target_is_left_for_it_however_the_failure_ended(s
         if localiser.restarted:
             break
     assert np.hypot(*np.subtract(localiser.center, ELSEWHERE)) < 3
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_what_is_a_little_like_the_target_is_left_for_it_wherever_it_was_found(seed):
+    """In the whole frame, which is searched when the target has been gone for long."""
+    hidden, little = VIDEO.frame(None), VIDEO.frame(None)
+    little[120:, 160:] = (0.73 * hidden + 0.27 * VIDEO.frame(ELSEWHERE))[120:, 160:]
+    both = little.copy()
+    both[:120, :160] = VIDEO.frame(HERE)[:120, :160]
+    localiser = Localiser(VIDEO.frame(HERE), HERE, TARGET, np.random.default_rng(seed))
+
+    def follow(frame):
+        return localiser.update(
+            frame, localiser.localise(frame, localiser.center), localiser.center, 1.0)
+
+    for frame in [VIDEO.frame(HERE)] * 10 + [hidden] * 40:
+        assert not follow(frame)
+    assert any(follow(little) and localiser.restarted for _ in range(100))
+    assert np.hypot(*np.subtract(localiser.center, ELSEWHERE)) < 3
+    assert any(follow(both) for _ in range(60))
+    assert np.hypot(*np.subtract(localiser.center, HERE)) < 3

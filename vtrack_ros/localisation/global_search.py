@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 import math
 
@@ -24,16 +25,17 @@ _RECENT_RATE = 0.25
 #: Places searched in a frame.
 _LOOKS = 2
 #: A place is the target's where it's so similar to the initial template, so much more so than what
-#: is tracked, and so evident; and again within so many frames.
-_LEAST, _GAIN, _EVIDENT = 0.18, 1.3, 0.7
+#: is tracked, or as much about where it was lost, and so evident; and again within so many frames.
+_LEAST, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
 _CONFIRMING = 5.0
 #: A box that overlaps more than that with what is tracked is no other one.
 _SAME = 0.3
 #: How often it's searched at the size that it had at first; else at the last one beyond doubt.
 _FIRST_SIZE = 0.4
-#: Standard deviation of the places about what is tracked, in sides; the others are spread evenly,
-#: however many they are, by steps of these shares of the frame: the golden section of the plane.
-_NEAR, _STEP = 2.5, (0.7548776662, 0.5698402910)
+#: Standard deviations of the places about what is tracked, and about where it was lost, in sides;
+#: the others are spread evenly, however many they are, by steps of these shares of the frame: the
+#: golden section of the plane.
+_NEAR, _NEAR_WHERE_LOST, _STEP = 2.5, 1.0, (0.7548776662, 0.5698402910)
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class GlobalSearch:
     re-detection, which goes by the latest models, can't tell. Nor does the initial template, for
     a target changes its looks. But where something else has been far more like the first look than
     what is tracked, twice, the target is there. So it is with a look-alike that was found while
-    the target was hidden.
+    the target was hidden: and about the place where it was lost, as like is enough.
     """
 
     def __init__(self, model: TargetModel, template: InitialTemplate, size: Point,
@@ -66,18 +68,19 @@ class GlobalSearch:
         self._looks = 0
         self.restart(1.0)
 
-    def restart(self, similarity: float, usual: float = 0.0) -> None:
+    def restart(self, similarity: float, usual: float = 0.0, lost: Point | None = None) -> None:
         """
         Count the target as found, with that similarity to the initial template.
 
-        `usual` is what was usual before the failure that is over, if there was one.
+        If a failure is over, `usual` is what was usual before it, and `lost` the place then, [px].
         """
         self._mean = self._recent = similarity
         #: What was found is the target beyond doubt when it has been so similar; 0 from then on.
         self._unconfirmed = _CONFIRMED * usual
+        self._lost = lost
         self._doubted = self._failed = 0.0
         self._candidate: Sighting | None = None
-        self._waited = 0.0
+        self._waited, self._gain = 0.0, _GAIN
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, failed: bool,
                dt: float) -> Sighting | None:
@@ -94,24 +97,41 @@ class GlobalSearch:
         if not (failed or self._doubted):
             self._size = live.size
         if self._recent >= self._unconfirmed:
-            self._unconfirmed = 0.0
+            self._unconfirmed, self._lost = 0.0, None
         if (self._doubted < _PATIENCE and self._failed < _FAILED
                 and (failed or not self._unconfirmed)):
             self._candidate = None
             return None
-        least = max(_LEAST, _GAIN * max(self._recent, similarity))
+        tracked = max(self._recent, similarity)
         if self._candidate is None:
-            self._candidate, self._waited = self._searched(frame, live, least), 0.0
+            self._candidate, self._waited = self._searched(frame, live, tracked), 0.0
             return None
         self._waited += dt
-        found = self._look(frame, live, self._candidate.center, self._candidate.size, least)
+        found = self._look(frame, live, self._candidate.center, self._candidate.size,
+                           self._gain * tracked)
         if found is None and self._waited > _CONFIRMING:
             self._candidate = None
         return found
 
-    def _searched(self, frame: Frame, live: TargetSnapshot, least: float) -> Sighting | None:
-        """Return what is seen at the next places, anywhere in the frame and near in turns."""
+    def _searched(self, frame: Frame, live: TargetSnapshot, tracked: float) -> Sighting | None:
+        """Return what is seen at the next places; what is tracked has that similarity."""
+        for place, size, self._gain in self._places(frame, live):
+            found = self._look(frame, live, inside(place, frame), size, self._gain * tracked)
+            if found is not None:
+                return found
+        return None
+
+    def _places(self, frame: Frame, live: TargetSnapshot) -> Iterator[tuple[Point, Point, float]]:
+        """
+        Return the next places, in pixels, with the size that's looked for there and the gain.
+
+        About where it was lost, unless it's tracked there; near it and anywhere in turns.
+        """
         height, width = frame.shape[:2]
+        if self._lost is not None and not _overlaps(live, self._lost, self._size):
+            side = math.sqrt(math.prod(self._size))
+            x, y = self._lost + _NEAR_WHERE_LOST * side * self._rng.standard_normal(2)
+            yield (float(x), float(y)), self._size, _GAIN_WHERE_LOST
         for _ in range(_LOOKS):
             self._looks += 1
             size = self._first_size if self._rng.random() < _FIRST_SIZE else self._size
@@ -121,20 +141,22 @@ class GlobalSearch:
             else:
                 x, y = ((0.5 + self._looks * step) % 1.0 * side
                         for step, side in zip(_STEP, (width, height)))
-            found = self._look(frame, live, inside((float(x), float(y)), frame), size, least)
-            if found is not None:
-                return found
-        return None
+            yield (float(x), float(y)), size, _GAIN
 
     def _look(self, frame: Frame, live: TargetSnapshot, place: Point, size: Point, least: float,
               ) -> Sighting | None:
         """Return the target as it's seen about a place, in that size, unless it's the live one."""
         response = self._model.localise(frame, place, size)
         center = inside(response.center, frame)
-        box = Box.from_center(*center, *size)
-        if box.iou(Box.from_center(*live.center, *live.size)) > _SAME:
+        if _overlaps(live, center, size):
             return None
         similarity = self._template.similarity(self._model.layout.window(frame, center, size))
-        if similarity < least or evidence(similarity, response.sharpness) < _EVIDENT:
+        if (similarity < max(_LEAST, least)
+                or evidence(similarity, response.sharpness) < _EVIDENT):
             return None
         return Sighting(center, size, similarity, response.sharpness)
+
+
+def _overlaps(live: TargetSnapshot, center: Point, size: Point) -> bool:
+    """Tell whether the live box is about the same place as one of that centre and size, [px]."""
+    return Box.from_center(*center, *size).iou(Box.from_center(*live.center, *live.size)) > _SAME

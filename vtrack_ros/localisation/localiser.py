@@ -135,11 +135,7 @@ class Localiser:
         return TargetFlow(self._window.grey, self._window.pixels, self.center, self.size)
 
     def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
-        """
-        Return the response about a place, in pixels; nothing changes.
-
-        The target is sought as it's turned now, or by another angle, [rad].
-        """
+        """Return the response about a place, [px], to it turned as now or by an angle, [rad]."""
         return self._live.localise(frame, center, angle)
 
     def likeness(self, frame: Frame, place: Point) -> float:
@@ -162,6 +158,7 @@ class Localiser:
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame), dt)
         elsewhere, sharpness = False, response.sharpness
+        lost = None if self._failure is None else self._failure.lost
         if self._failure is None:
             self._judge(before, response, dt)
         else:
@@ -173,13 +170,14 @@ class Localiser:
                 elsewhere, sharpness = True, verdict.sharpness
             if verdict.over:
                 self._failure = None
-                self._global.restart(self._similarity, before.usual_similarity)
+                self._global.restart(self._similarity, before.usual_similarity, lost)
         self.restarted = False
         if search and (self.uncertain or not elsewhere):
             sighting = self._global.update(
                 frame, self._live, self._similarity, self.uncertain, dt)
             if sighting is not None:
                 self._restart(sighting.center, sighting.size, sighting.similarity)
+                self._global.restart(sighting.similarity, before.usual_similarity, lost)
                 self.restarted = elsewhere = True
                 sharpness = sighting.sharpness
         self._presence.judge(self._similarity, sharpness, dt, elsewhere, motion)

@@ -125,6 +125,11 @@ class Redetection:
         search._trusted_frames = search._jump_frames = 0
         return search
 
+    @property
+    def lost(self) -> Point:
+        """Return where the target was last before the failure, in pixels."""
+        return self._snapshot.center
+
     def bounds(self, width: float) -> tuple[float, float]:
         """Return the least and the largest factor of a width that the size may have."""
         known = self._snapshot.size[0] / width
