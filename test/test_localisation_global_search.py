@@ -97,6 +97,20 @@ def test_where_it_was_lost_as_like_as_what_is_tracked_is_enough(search_and_live)
     assert not any(sightings(search, live, frame, 0.6, 100))
 
 
+def test_what_motion_told_from_the_target_is_not_it_where_it_was_lost(search_and_live):
+    """But what is far more like it than what is tracked is it all the same."""
+    search, live = search_and_live
+    frame, near = VIDEO.frame(ELSEWHERE), [(ELSEWHERE[0] + 3, ELSEWHERE[1])]
+
+    def found(similarity):
+        search.restart(similarity, usual=0.9, lost=ELSEWHERE)
+        return [one for one in (search.update(frame, live, similarity, False, 1.0, near)
+                                for _ in range(100)) if one]
+
+    assert not found(0.6)
+    assert found(0.3)
+
+
 def test_time_passes_with_frames_that_were_dropped(search_and_live):
     """The patience is one in frames' time: frames of twice the interval count twice."""
     search, live = search_and_live

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 import math
 
@@ -23,6 +23,11 @@ _KNOWN, _ALIKE = 2, 0.6
 _FORGOTTEN = 12
 #: As many are followed at most.
 _MOST = 20
+
+
+def is_distractor(place: Point, distractors: Sequence[Point], side: float) -> bool:
+    """Tell whether what was found at a place, [px], is one of those, by a target of that side."""
+    return any(math.dist(place, one) < AT * side for one in distractors)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.distractors import is_distractor
 from vtrack_ros.localisation.presence import evidence, InitialTemplate
 from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
@@ -56,7 +57,8 @@ class GlobalSearch:
     re-detection, which goes by the latest models, can't tell. Nor does the initial template, for
     a target changes its looks. But where something else has been far more like the first look than
     what is tracked, twice, the target is there. So it is with a look-alike that was found while
-    the target was hidden: and about the place where it was lost, as like is enough.
+    the target was hidden: and about the place where it was lost, as like is enough, but for what
+    motion has told from the target there.
     """
 
     def __init__(self, model: TargetModel, template: InitialTemplate, size: Point,
@@ -83,12 +85,12 @@ class GlobalSearch:
         self._waited, self._gain = 0.0, _GAIN
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, failed: bool,
-               dt: float) -> Sighting | None:
+               dt: float, distractors: Sequence[Point] = ()) -> Sighting | None:
         """
         Return where the target is instead of the live place, or None while that's the best one.
 
         `similarity` is the live place's to the initial template, `failed` tells whether tracking
-        has failed there.
+        has failed there. The places of `distractors` near it are in pixels.
         """
         self._mean += _RATE * (similarity - self._mean)
         self._recent += _RECENT_RATE * (similarity - self._recent)
@@ -102,24 +104,20 @@ class GlobalSearch:
                 and (failed or not self._unconfirmed)):
             self._candidate = None
             return None
-        tracked = max(self._recent, similarity)
-        if self._candidate is None:
-            self._candidate, self._waited = self._searched(frame, live, tracked), 0.0
+        tracked, candidate = max(self._recent, similarity), self._candidate
+        if candidate is None:
+            for place, size, self._gain in self._places(frame, live):
+                self._candidate = self._look(
+                    frame, live, inside(place, frame), size, tracked, distractors)
+                if self._candidate is not None:
+                    break
+            self._waited = 0.0
             return None
         self._waited += dt
-        found = self._look(frame, live, self._candidate.center, self._candidate.size,
-                           self._gain * tracked)
+        found = self._look(frame, live, candidate.center, candidate.size, tracked, distractors)
         if found is None and self._waited > _CONFIRMING:
             self._candidate = None
         return found
-
-    def _searched(self, frame: Frame, live: TargetSnapshot, tracked: float) -> Sighting | None:
-        """Return what is seen at the next places; what is tracked has that similarity."""
-        for place, size, self._gain in self._places(frame, live):
-            found = self._look(frame, live, inside(place, frame), size, self._gain * tracked)
-            if found is not None:
-                return found
-        return None
 
     def _places(self, frame: Frame, live: TargetSnapshot) -> Iterator[tuple[Point, Point, float]]:
         """
@@ -143,15 +141,17 @@ class GlobalSearch:
                         for step, side in zip(_STEP, (width, height)))
             yield (float(x), float(y)), size, _GAIN
 
-    def _look(self, frame: Frame, live: TargetSnapshot, place: Point, size: Point, least: float,
-              ) -> Sighting | None:
+    def _look(self, frame: Frame, live: TargetSnapshot, place: Point, size: Point, tracked: float,
+              distractors: Sequence[Point]) -> Sighting | None:
         """Return the target as it's seen about a place, in that size, unless it's the live one."""
         response = self._model.localise(frame, place, size)
         center = inside(response.center, frame)
         if _overlaps(live, center, size):
             return None
+        if self._gain < _GAIN and is_distractor(center, distractors, math.sqrt(math.prod(size))):
+            return None
         similarity = self._template.similarity(self._model.layout.window(frame, center, size))
-        if (similarity < max(_LEAST, least)
+        if (similarity < max(_LEAST, self._gain * tracked)
                 or evidence(similarity, response.sharpness) < _EVIDENT):
             return None
         return Sighting(center, size, similarity, response.sharpness)

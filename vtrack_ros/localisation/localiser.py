@@ -174,7 +174,7 @@ class Localiser:
         self.restarted = False
         if search and (self.uncertain or not elsewhere):
             sighting = self._global.update(
-                frame, self._live, self._similarity, self.uncertain, dt)
+                frame, self._live, self._similarity, self.uncertain, dt, distractors)
             if sighting is not None:
                 self._restart(sighting.center, sighting.size, sighting.similarity)
                 self._global.restart(sighting.similarity, before.usual_similarity, lost)

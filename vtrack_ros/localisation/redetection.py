@@ -12,7 +12,7 @@ import numpy as np
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.candidates import distinct
-from vtrack_ros.localisation.distractors import AT
+from vtrack_ros.localisation.distractors import is_distractor
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
 from vtrack_ros.localisation.search_window import inside, ResponseMap
@@ -201,7 +201,7 @@ class Redetection:
             far = math.dist(center, live) > _EXCHANGED * side
             if not away.any() or (seen and far and snapshot.model.LEARNS):
                 continue
-            if any(math.dist(center, one) < AT * side for one in distractors):
+            if is_distractor(center, distractors, side):
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
