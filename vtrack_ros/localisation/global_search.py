@@ -82,7 +82,9 @@ class GlobalSearch:
         self._lost = lost
         self._doubted = self._failed = 0.0
         self._candidate: Sighting | None = None
-        self._waited, self._gain = 0.0, _GAIN
+        self._waited = 0.0
+        #: By which factor what is looked at has to be more similar than what is tracked.
+        self._gain = _GAIN
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, failed: bool,
                dt: float, distractors: Sequence[Point] = ()) -> Sighting | None:
@@ -121,7 +123,7 @@ class GlobalSearch:
 
     def _places(self, frame: Frame, live: TargetSnapshot) -> Iterator[tuple[Point, Point, float]]:
         """
-        Return the next places, in pixels, with the size that's looked for there and the gain.
+        Return the next places, in pixels, with the size that's looked for there and its `_gain`.
 
         About where it was lost, unless it's tracked there; near it and anywhere in turns.
         """
