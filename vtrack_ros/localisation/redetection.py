@@ -32,10 +32,11 @@ _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 _JUMP_FRAMES = 3
 #: The least logarithm of the odds for the target at a place that is worth a jump. They rise with a
 #: power of the response there, even at that share of the usual one, and of the frames searched,
-#: even at so many: who has just been hidden is rarely back at once.
+#: even at so many and no more from so many on: who has just been hidden is rarely back at once,
+#: but who has been gone for long isn't any the likelier to come back.
 _ODDS = 1.3
 _RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
-_FRAMES_POWER, _EVEN_FRAMES = 0.5, 12
+_FRAMES_POWER, _EVEN_FRAMES, _MOST_FRAMES = 0.5, 12, 25
 #: Who is seen, and yet isn't the target, was taken for it where the two met: no further from it,
 #: in sides, than that.
 _EXCHANGED = 1.5
@@ -236,7 +237,8 @@ class Redetection:
         share = response.peak / self._snapshot.response_unit
         return (evidence(similarity, response.sharpness) - self._against_way(center)
                 + _RESPONSE_POWER * math.log(max(share, _LEAST_SHARE) / _EVEN_RESPONSE)
-                + _FRAMES_POWER * math.log((1 + self._updates) / _EVEN_FRAMES))
+                + _FRAMES_POWER * math.log(
+                    (1 + min(self._updates, _MOST_FRAMES)) / _EVEN_FRAMES))
 
     def _against_way(self, center: Point) -> float:
         """Return by how much the way to a place, in pixels, lowers the logarithm of the odds."""
