@@ -30,9 +30,10 @@ def search_and_live():
     return search, live
 
 
-def sightings(search, live, frame, similarity, frames, dt=1.0, failed=False):
+def sightings(search, live, frame, similarity, frames, dt=1.0, failed=False, distractors=()):
     """Return what a search says of so many frames that are all alike."""
-    return [search.update(frame, live, similarity, failed, dt) for _ in range(frames)]
+    return [search.update(frame, live, similarity, failed, dt, distractors)
+            for _ in range(frames)]
 
 
 def test_it_finds_the_first_look_anywhere_in_the_frame(search_and_live):
@@ -101,14 +102,10 @@ def test_what_motion_told_from_the_target_is_not_it_where_it_was_lost(search_and
     """But what is far more like it than what is tracked is it all the same."""
     search, live = search_and_live
     frame, near = VIDEO.frame(ELSEWHERE), [(ELSEWHERE[0] + 3, ELSEWHERE[1])]
-
-    def found(similarity):
-        search.restart(similarity, usual=0.9, lost=ELSEWHERE)
-        return [one for one in (search.update(frame, live, similarity, False, 1.0, near)
-                                for _ in range(100)) if one]
-
-    assert not found(0.6)
-    assert found(0.3)
+    search.restart(0.6, usual=0.9, lost=ELSEWHERE)
+    assert not any(sightings(search, live, frame, 0.6, 100, distractors=near))
+    search.restart(0.3, usual=0.9, lost=ELSEWHERE)
+    assert any(sightings(search, live, frame, 0.3, 100, distractors=near))
 
 
 def test_time_passes_with_frames_that_were_dropped(search_and_live):

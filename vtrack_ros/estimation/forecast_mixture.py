@@ -44,9 +44,7 @@ class ForecastMixture:
 
     def best(self, names: Mapping[str, Point]) -> str:
         """Return the name of the forecast with the least mean error; staying has a start."""
-        errors = {name: self._errors.get(name, _FIRST_ERROR) + _BETTER for name in names}
-        errors[STAYING] -= _BETTER
-        return min(errors, key=errors.__getitem__)
+        return min(names, key=lambda name: self.error(name) + (name != STAYING) * _BETTER)
 
     @np.errstate(over='ignore')  # after a long pause a forecast may be anywhere
     def log_density(self, places: Array, forecasts: Mapping[str, Point], unit: float,

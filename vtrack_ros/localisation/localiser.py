@@ -204,6 +204,7 @@ class Localiser:
     def restart_beside(self, leader: 'Localiser') -> None:
         """Begin again with what was learned first, at the place of another localiser."""
         self._restart(leader.center, leader.size, leader.similarity)
+        self._global.restart(leader.similarity)
         self.resume(self._live, leader)
 
     def estimate(self, covariance: Array, particles: Array | None = None,
@@ -228,7 +229,6 @@ class Localiser:
                              usual_similarity=similarity, turn=0.0)
         self._similarity, self._failure = similarity, None
         self._velocity = 0.0, 0.0
-        self._global.restart(similarity)
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
                  dt: float) -> TargetSnapshot:
