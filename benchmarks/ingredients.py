@@ -67,8 +67,8 @@ def _of_leader(self: Any, *values: Any, **named: Any) -> Any:
 
 
 def _unsearched(self: Any, frame: Any, live: Any, similarity: float, peak: float, dt: float,
-                search: bool = True, seen: bool = False) -> Any:
-    return _update(self, frame, live, similarity, peak, dt, search=False)
+                search: bool, *others: Any) -> Any:
+    return _update(self, frame, live, similarity, peak, dt, False, *others)
 
 
 #: What is replaced so that an ingredient has no effect.
