@@ -32,7 +32,7 @@ from vtrack_ros.evaluation.runner import one_thread, run_tracker
 from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.table import markdown
 from vtrack_ros.localisation import (
-    global_search, guided_search, hypotheses, localiser, redetection, target_model)
+    global_search, guided_search, hypotheses, localiser, target_model)
 from vtrack_ros.localisation.distractors import Distractors
 from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.guided_search import GuidedSearch
@@ -92,8 +92,6 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     'growth by the flow of its points': lambda: [patch.object(TargetMotion, 'growth', None)],
     'rotation by the flow of its points': lambda: [patch.object(TargetMotion, 'turn', None)],
     'where its points went': lambda: [patch.object(guided_search, '_FAR', math.inf)],
-    'who is seen is left only for what is near': lambda: [
-        patch.object(redetection, '_EXCHANGED', math.inf)],
     'the least usual response and similarity': lambda: [
         patch.object(localiser, '_FIRST_RESPONSE', 0.0),
         patch.object(localiser, '_FIRST_SIMILARITY', 0.0)],

@@ -151,18 +151,6 @@ def test_no_jump_to_what_would_not_be_taken_for_the_target(known, usual, similar
     assert (verdict.live.center == HERE) is not jumps
 
 
-@pytest.mark.parametrize('frames, seen, jumps', [
-    (10, False, True), (10, True, True), (14, False, True), (14, True, False),
-    (36, False, True), (36, True, False)])
-def test_who_is_seen_is_not_left_for_a_place_far_away(known, frames, seen, jumps):
-    """Near, where the two may have been taken for each other: 1.3 sides away, not 1.9 or 4.9."""
-    snapshot, template = known
-    place = HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames
-    verdict = search(snapshot, template, (5.0, 3.0), frames - 1.0).update(
-        VIDEO.frame(place), snapshot, 0.01, 0.5, 1.0, seen=seen)
-    assert verdict.elsewhere is jumps
-
-
 @pytest.mark.parametrize('away, jumps', [(0.25, False), (0.35, True)])
 def test_it_is_not_found_again_at_a_distractor(known, away, jumps):
     """Within 0.3 sides of one, which looks like it, but motion told the two apart."""

@@ -37,9 +37,6 @@ _JUMP_FRAMES = 3
 _ODDS = 1.3
 _RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
 _FRAMES_POWER, _EVEN_FRAMES, _MOST_FRAMES = 0.5, 12, 25
-#: Who is seen, and yet isn't the target, was taken for it where the two met: no further from it,
-#: in sides, than that.
-_EXCHANGED = 1.5
 #: Windows searched in a frame; after so many frames by colours, too.
 _SEARCHES, _COLOURED = 3, 8
 #: So many maxima are looked at again, each in the middle of a window: of those of this share of
@@ -144,8 +141,8 @@ class Redetection:
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame is left only for a place near it; a model that doesn't learn may go further. No jump
-        is to one of the `distractors`, places in pixels: motion told which one is the target.
+        frame is left only for a similarity that is trusted. No jump is to one of the
+        `distractors`, places in pixels: motion told which one is the target.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -163,7 +160,7 @@ class Redetection:
             return Verdict(live, similarity, over=True)
         if not search:
             return Verdict(live, similarity)
-        candidates = self._candidates(frame, live.center, seen, distractors)
+        candidates = self._candidates(frame, live.center, distractors)
         learns = self._snapshot.model.LEARNS
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
@@ -189,7 +186,7 @@ class Redetection:
         return Verdict(replace(live, center=best.center), best.similarity, elsewhere=True,
                        sharpness=best.sharpness)
 
-    def _candidates(self, frame: Frame, live: Point, seen: bool,
+    def _candidates(self, frame: Frame, live: Point,
                     distractors: Sequence[Point]) -> list[Candidate]:
         """Return what is worth a jump, of the maxima in this frame."""
         snapshot, candidates = self._snapshot, []
@@ -199,10 +196,7 @@ class Redetection:
                 continue
             center = inside(response.center, frame)
             away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
-            far = math.dist(center, live) > _EXCHANGED * side
-            if not away.any() or (seen and far and snapshot.model.LEARNS):
-                continue
-            if is_distractor(center, distractors, side):
+            if not away.any() or is_distractor(center, distractors, side):
                 continue
             similarity = snapshot.model.credibility(
                 self._template.similarity(snapshot.window(frame, center)), response, center)
