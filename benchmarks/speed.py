@@ -116,11 +116,10 @@ def timed(
     overlap: dict[str, list[float]] = {label: [] for label in trackers}
     for tracker in trackers.values():
         tracker.start(made.frames[0], made.truth[0])
-    labels = list(trackers)
+    labels, rng = list(trackers), np.random.default_rng(seed)
     for begin in range(1, len(made.frames), TURN):
         # nobody always follows the one that leaves the coldest caches
-        labels.append(labels.pop(0))
-        for label in labels:
+        for label in rng.permutation(labels).tolist():
             tracker = trackers[label]
             for index in range(begin, min(begin + TURN, len(made.frames))):
                 cpu_began, began = time.process_time(), time.perf_counter()
