@@ -243,6 +243,19 @@ def test_a_target_near_the_border_of_a_window_is_looked_at_again(known, offset):
     assert np.hypot(*np.subtract(verdict.live.center, place)) < 4
 
 
+@pytest.mark.parametrize('rival, found', [((226.0, 58.0), True), ((60.0, 190.0), False)])
+def test_where_the_live_model_answers_is_looked_at(known, rival, found):
+    """The target is two sides from all places that are drawn, but near one that answers."""
+    snapshot, template = known
+    redetection = Redetection(
+        snapshot, template, (0.0, 0.0), 20.0, Draws([(30.0, 200.0), (40.0, 190.0)], 45.0))
+    verdict = redetection.update(
+        VIDEO.frame((230.0, 60.0)), snapshot, 0.0, 0.1, 1.0, rival=rival)
+    assert verdict.elsewhere is found
+    if found:
+        assert np.hypot(*np.subtract(verdict.live.center, (230.0, 60.0))) < 4
+
+
 @pytest.mark.parametrize('share, before, jumps', [
     (0.95, 1, True), (0.66, 1, False), (0.66, 7, True)])
 def test_a_lower_response_needs_a_longer_search(known, share, before, jumps):

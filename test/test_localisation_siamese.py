@@ -14,7 +14,7 @@ import pytest
 from siamese_files import network_files, write_backbone, write_head
 
 from vtrack_ros.appearance.siamese_network import exemplar_side, SiameseNetwork
-from vtrack_ros.localisation import Hypotheses
+from vtrack_ros.localisation import Found, Hypotheses
 from vtrack_ros.localisation.search_window import WindowLayout
 from vtrack_ros.localisation.siamese_localiser import SiameseModel, SiameseResponse
 from vtrack_ros.localisation.target_model import TargetModel
@@ -199,7 +199,7 @@ def test_filters_go_on_with_as_large_a_target(files):
     target = Hypotheses(frame, center, (80.0, 32.0), np.random.default_rng(0),
                         SiameseNetwork(*files.values()))
     for _ in range(30):
-        target.update(frame, target.localise(frame, center), center, 1.0)
+        target.update(frame, Found(target.localise(frame, center), center), 1.0)
     width, height = target.size
     assert width / height < 2
     target.use(None)

@@ -28,7 +28,8 @@ flow, tell whether it went there; they tell how it grew and turned, too: the win
 Beside them, `mean_shift` climbs a response and fuses [Yin2013].
 """
 
-from vtrack_ros.localisation.guided_search import Found, GuidedSearch
+from vtrack_ros.localisation.candidates import Found
+from vtrack_ros.localisation.guided_search import GuidedSearch
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.search_window import ResponseMap

@@ -1,5 +1,6 @@
-"""Candidates for the target's place: the maxima of response maps."""
+"""Candidates for the target's place: the maxima of response maps, and what is found of them."""
 
+from dataclasses import dataclass
 import math
 from typing import TypeAlias
 
@@ -16,6 +17,25 @@ _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 #: A maximum of a response: its place, in pixels, the response, and its value there.
 Maximum: TypeAlias = tuple[Point, ResponseMap, float]
+
+
+@dataclass(frozen=True)
+class Found:
+    """
+    What a search brought: the response in the best window, and the target's place, in pixels.
+
+    The `distractors` are the places, in pixels, of those so near that only motion tells which one
+    is the target; `hidden` tells that the place is only where it's expected, for one of them is
+    there. The `rival` is the highest maximum elsewhere that could have been it, in pixels.
+    `motion` is what the target's motion to its place adds to the evidence for its presence.
+    """
+
+    response: ResponseMap
+    place: Point
+    distractors: tuple[Point, ...] = ()
+    hidden: bool = False
+    rival: Point | None = None
+    motion: float = 0.0
 
 
 def strong(every: list[Maximum], share: float) -> list[Maximum]:

@@ -1,6 +1,6 @@
 """Where to look for the target, and which of the places found is it: by motion and by look."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 import math
 
@@ -10,7 +10,8 @@ from vtrack_ros.appearance.image_motion import SparsePicture, TargetFlow, Target
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.candidates import distinct, maxima, Maximum, share_of, strong
+from vtrack_ros.localisation.candidates import (
+    distinct, Found, maxima, Maximum, share_of, strong)
 from vtrack_ros.localisation.distractors import AT, Distractors
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
@@ -49,23 +50,6 @@ _TEMPERATURE = 0.07
 _GAP, _NEW, _COMPARED, _UNLIKE, _LOOK = 8, 10, 6, 0.05, 3.0
 #: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
-
-
-@dataclass(frozen=True)
-class Found:
-    """
-    What a search brought: the response in the best window, and the target's place, in pixels.
-
-    The `distractors` are the places, in pixels, of those so near that only motion tells which one
-    is the target; `hidden` tells that the place is only where it's expected, for one of them is
-    there. `motion` is what the target's motion to it adds to the evidence for its presence.
-    """
-
-    response: ResponseMap
-    place: Point
-    distractors: tuple[Point, ...] = ()
-    hidden: bool = False
-    motion: float = 0.0
 
 
 class GuidedSearch:
@@ -275,8 +259,9 @@ class GuidedSearch:
             for index in np.argsort(-scores)[:_COMPARED]:
                 likeness[index] = max(_UNLIKE, self._target.likeness(frame, places[index]))
             scores += _LOOK * np.log(likeness)
-        place, response, _ = found[int(scores.argmax())]
-        return Found(response, place)
+        chosen = int(scores.argmax())
+        place, response, _ = found[chosen]
+        return Found(response, place, rival=found[0 if chosen else 1][0])
 
     def _follow_distractors(self, frame: Frame, every: list[Maximum], dt: float) -> None:
         """Follow what else answers than the target."""

@@ -13,6 +13,7 @@ from vtrack_ros.appearance.siamese_network import (
     EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
+from vtrack_ros.localisation.candidates import Found
 from vtrack_ros.localisation.distractors import AT
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import ALWAYS_GOOD
@@ -39,6 +40,8 @@ _TOGETHER, _ALIKE = 0.5, 0.75
 _LEVEL = 0.5
 #: The least that a similarity is taken for.
 _LEAST = 0.01
+#: For so many frames a target may be hidden by what looks like it; then it may be that itself.
+_HIDDEN = 12
 
 
 @dataclass(frozen=True)
@@ -179,21 +182,21 @@ class Hypotheses:
         """Return how similar a place, in pixels, is to the target; see `Localiser.likeness`."""
         return self._leader.likeness(frame, place)
 
-    def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               hidden: bool = False, motion: float = 0.0,
-               distractors: Sequence[Point] = ()) -> bool:
+    def update(self, frame: Frame, found: Found, dt: float) -> bool:
         """
         Take the place that a tracker decided for; see `Localiser.update`.
 
         While the target is hidden by a distractor the other model isn't asked: it would follow it.
-        If it has followed one of those near the target, their places in pixels, it starts again
-        beside the leader: it goes by the look alone, and motion told which one is the target. Nor
-        does re-detection, which goes by it too, jump to one.
+        If it has followed one of those near the target, it starts again beside the leader: it goes
+        by the look alone, and motion told which one is the target. Nor does re-detection, which
+        goes by it too, jump to one. But who hasn't been seen for long may be one of them.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
+        distractors = found.distractors if self.unseen_frames <= _HIDDEN else ()
         elsewhere = self._leader.update(
-            frame, response, center, dt, motion=motion, distractors=distractors)
+            frame, found.response, found.place, dt, motion=found.motion, distractors=distractors,
+            rival=found.rival)
         if self.network is not None:
             return elsewhere
         if self._leader.restarted:
@@ -206,8 +209,8 @@ class Hypotheses:
         self._frames += 1
         self._waiting += dt
         # no frame should take much longer than the others: the two measure sizes in turns
-        if hidden or (self._waiting < _PAUSE + self._leader.resized
-                      and not self._questionable()):
+        if found.hidden or (self._waiting < _PAUSE + self._leader.resized
+                            and not self._questionable()):
             return elsewhere
         self._update_other(frame)
         rate = latest_weight(_RATE, 1, self._frames)

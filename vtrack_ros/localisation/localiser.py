@@ -145,12 +145,13 @@ class Localiser:
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
                search: bool = True, motion: float = 0.0,
-               distractors: Sequence[Point] = ()) -> bool:
+               distractors: Sequence[Point] = (), rival: Point | None = None) -> bool:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
-        After a failure it's searched elsewhere too, unless somebody else does that; no jump is to
-        one of the `distractors`, [px]. `motion` is what its motion adds to the evidence.
+        After a failure it's searched elsewhere too, unless somebody else does that: where a
+        `rival` answers, too, but no jump is to one of the `distractors`, [px]. `motion` is what
+        its motion adds to the evidence.
 
         Returns whether it was found again elsewhere. Else its centre is the given one, or next to
         it: near the border of a window it's localised twice. It's turned as the window was.
@@ -164,7 +165,7 @@ class Localiser:
         else:
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, search,
-                not self._presence.unseen_frames, distractors)
+                not self._presence.unseen_frames, distractors, rival)
             self._live, self._similarity = verdict.live, verdict.similarity
             if verdict.elsewhere:
                 elsewhere, sharpness = True, verdict.sharpness

@@ -135,14 +135,15 @@ class Redetection:
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
                dt: float, search: bool = True, seen: bool = False,
-               distractors: Sequence[Point] = ()) -> Verdict:
+               distractors: Sequence[Point] = (), rival: Point | None = None) -> Verdict:
         """
         Judge the live place, and search with the snapshot, unless not wanted.
 
         `live` is as it was updated in this frame, `similarity` its place's to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
         frame is left only for a similarity that is trusted. No jump is to one of the
-        `distractors`, places in pixels: motion told which one is the target.
+        `distractors`, places in pixels: motion told which one is the target. The `rival` is where
+        the live model's response was highest of all other places, in pixels: it's looked at.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -160,7 +161,7 @@ class Redetection:
             return Verdict(live, similarity, over=True)
         if not search:
             return Verdict(live, similarity)
-        candidates = self._candidates(frame, live.center, distractors)
+        candidates = self._candidates(frame, live.center, distractors, rival)
         learns = self._snapshot.model.LEARNS
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
@@ -186,12 +187,12 @@ class Redetection:
         return Verdict(replace(live, center=best.center), best.similarity, elsewhere=True,
                        sharpness=best.sharpness)
 
-    def _candidates(self, frame: Frame, live: Point,
-                    distractors: Sequence[Point]) -> list[Candidate]:
+    def _candidates(self, frame: Frame, live: Point, distractors: Sequence[Point],
+                    rival: Point | None) -> list[Candidate]:
         """Return what is worth a jump, of the maxima in this frame."""
         snapshot, candidates = self._snapshot, []
         side = math.sqrt(math.prod(snapshot.size))
-        for response in self._maxima(frame):
+        for response in self._maxima(frame, rival):
             if response.peak < _WORTH_VERIFYING * snapshot.response_unit:
                 continue
             center = inside(response.center, frame)
@@ -205,7 +206,7 @@ class Redetection:
                 self._odds(center, similarity, response)))
         return candidates
 
-    def _maxima(self, frame: Frame) -> list[ResponseMap]:
+    def _maxima(self, frame: Frame, rival: Point | None) -> list[ResponseMap]:
         """
         Return the responses about the most promising places of this frame.
 
@@ -213,7 +214,7 @@ class Redetection:
         looked at again, in the middle of one.
         """
         snapshot = self._snapshot
-        searched = [snapshot.localise(frame, place) for place in self._places(frame)]
+        searched = [snapshot.localise(frame, place) for place in self._places(frame, rival)]
         if not snapshot.model.LEARNS:
             return searched
         usual = snapshot.response_unit
@@ -253,7 +254,7 @@ class Redetection:
         """Return how far the target has strayed, [px]: a standard deviation."""
         return math.sqrt(math.prod(self._snapshot.size)) * absent_error(self._age)
 
-    def _places(self, frame: Frame) -> list[Point]:
+    def _places(self, frame: Frame, rival: Point | None) -> list[Point]:
         """Return the places to search in this frame."""
         center = self._snapshot.center
         places = [self._forecast if self._updates % 2 else center]
@@ -263,6 +264,8 @@ class Redetection:
             else:
                 x, y = center + self._spread * self._rng.standard_normal(2)
                 places.append((x, y))
+        if rival is not None:
+            places.append(rival)
         return [inside(place, frame) for place in places]
 
     def _coloured_place(self, frame: Frame) -> Point:

@@ -1,5 +1,7 @@
 """ABMSPF: adaptive-bandwidth mean shift fused with few particles."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from vtrack_ros.frame import Array, Frame, Point
@@ -75,8 +77,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
                   else response.unless_dominated(place, start))
         covariance = np.zeros((4, 4))
         covariance[:2, :2] = _spread(response, center)
-        elsewhere = localiser.update(
-            frame, response, center, dt, found.hidden, found.motion, found.distractors)
+        elsewhere = localiser.update(frame, replace(found, place=center), dt)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             # what was drawn and found about the old place says nothing of the new one

@@ -81,8 +81,7 @@ class AffineParticleFilter(LocalisedTracker):
         found = self._turned(frame, found)
         weights = self._weigh(frame, dt, found)
         self._state = particles.mean(weights)
-        elsewhere = localiser.update(
-            frame, found.response, found.place, dt, found.hidden, found.motion, found.distractors)
+        elsewhere = localiser.update(frame, found, dt)
         self._search.follow(dt, elsewhere)
         self._place(elsewhere)
         if not (localiser.uncertain or found.hidden):

@@ -91,8 +91,7 @@ class ParticleTracker(LocalisedTracker):
         weights = self._filter.weight(
             proposed, None if found.hidden else likelihood, dt).weights.values
         mean = weights @ boxes
-        elsewhere = localiser.update(
-            frame, response, found.place, dt, found.hidden, found.motion, found.distractors)
+        elsewhere = localiser.update(frame, found, dt)
         self._search.follow(dt, elsewhere)
         if elsewhere:
             return self._restart()
