@@ -228,6 +228,10 @@ class Draws:
         """Return the next one."""
         return self._draws.pop(0)
 
+    def random(self):
+        """Return that the next place isn't one of the target's colours."""
+        return 1.0
+
 
 @pytest.mark.parametrize('offset', [(0.9, 0.0), (0.0, 1.0), (0.0, -1.1)])
 def test_a_target_near_the_border_of_a_window_is_looked_at_again(known, offset):
@@ -256,11 +260,12 @@ def test_where_the_live_model_answers_is_looked_at(known, rival, found):
         assert np.hypot(*np.subtract(verdict.live.center, (230.0, 60.0))) < 4
 
 
-@pytest.mark.parametrize('share, before, jumps', [
-    (0.95, 1, True), (0.66, 1, False), (0.66, 7, True)])
-def test_a_lower_response_needs_a_longer_search(known, share, before, jumps):
-    """Where it has so much of the usual one; who has just been hidden is rarely back at once."""
-    place = HERE[0] + 126.0, HERE[1]
+@pytest.mark.parametrize('share, away, before, jumps', [
+    (0.95, 126.0, 1, True), (0.66, 126.0, 1, False), (0.66, 126.0, 7, True),
+    (0.505, 160.0, 100, False)])
+def test_a_lower_response_needs_a_longer_search(known, share, away, before, jumps):
+    """Who has just been hidden is rarely back at once, but who has gone for long no likelier."""
+    place = HERE[0] + away, HERE[1]
     frame = VIDEO.frame(place)
     snapshot = replace(
         known[0], usual_response=known[0].localise(frame, place).peak / share)
