@@ -90,15 +90,16 @@ class Redetection:
     """
     Searches, after a tracking failure, with the target as it was known before.
 
-    Updates of the live model never stop, since a change of appearance looks like an occlusion.
-    The snapshot, of `age` frames before, searches some windows in each frame beside the live one,
-    which it replaces once it has found a place that is verifiably more similar to the target, and
-    where the odds are for it: similarity and sharpness count as for its presence, the response
-    beside the usual one, for how long it has been searched, and the way to it from where the
-    target was, or would be by its velocity before the failure, [px/frame]: as far as a target out
-    of sight strays (`absent_error`), with heavy tails. Long after the failure it isn't on its
-    straight way any more, so where it was seen last counts instead. The failure is over, too, when
-    the live place has been similar enough for a while.
+    Updates of the live model never stop, since a change of appearance looks like an occlusion. The
+    snapshot, of `age` frames before, searches some windows in each frame beside the live one,
+    among them that of its rival, where the live model answers besides. It replaces the live one
+    once it has found a place that is verifiably more similar to the target, and where the odds are
+    for it: similarity and sharpness count as for its presence, the response beside the usual one,
+    for how long it has been searched, and the way to it from where the target was, or would be by
+    its velocity before the failure, [px/frame]: as far as a target out of sight strays
+    (`absent_error`), with heavy tails. Long after the failure it isn't on its straight way any
+    more, so where it was seen last counts instead. The failure is over, too, when the live place
+    has been similar enough for a while.
 
     Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
     followed too: it's the same model's, so it can be compared, but the failure is over only once
