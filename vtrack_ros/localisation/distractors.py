@@ -13,6 +13,8 @@ from vtrack_ros.localisation.running_means import mean_velocity
 _AWAY = 0.4
 #: What is found nearer than that to where one is expected, in sides, is the distractor.
 AT = 0.3
+#: For so many frames at most one hides a target that isn't seen beside it.
+HIDING = 12
 #: Weight of the latest step in a velocity.
 _VELOCITY_RATE = 0.5
 #: A distractor is compared with the target when it has been found in so many frames, and again

@@ -12,7 +12,7 @@ from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.candidates import (
     distinct, Found, maxima, Maximum, share_of, strong)
-from vtrack_ros.localisation.distractors import AT, Distractors
+from vtrack_ros.localisation.distractors import AT, Distractors, HIDING
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
 from vtrack_ros.localisation.running_means import mean_velocity
@@ -34,8 +34,8 @@ _MAXIMA = 200
 #: that, in sides, it's of the same thing.
 _DISTRACTING, _APART_FROM = 0.45, 0.2
 #: Distractors as near as that to the target, in sides, may be taken for it; nearer than that one
-#: hides it if only one of them is seen, for so many frames at most.
-_NEAR, _MEETING, _HIDDEN = 0.75, 0.35, 12
+#: hides it if only one of them is seen.
+_NEAR, _MEETING = 0.75, 0.35
 #: Growth and rotation are measured in every so manieth frame, in turns with the scale regression,
 #: and in as many frames after one in which the target grew, or turned by more than that, [rad].
 _MEASURED_EVERY, _TURNING = 4, 0.03
@@ -238,7 +238,7 @@ class GuidedSearch:
         meeting = min(math.dist(place, expected) for place in theirs) < _MEETING * side
         if not ours or (meeting and not others):
             self._hidden += dt
-            if self._hidden <= _HIDDEN:
+            if self._hidden <= HIDING:
                 return Found(response, expected, tuple(theirs), hidden=True)
             self._distractors.forget(expected, _NEAR * side, dt)
         return replace(self._chosen(frame, strong(ours or every, _CANDIDATE), dt),

@@ -14,7 +14,7 @@ from vtrack_ros.appearance.siamese_network import (
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.candidates import Found
-from vtrack_ros.localisation.distractors import AT
+from vtrack_ros.localisation.distractors import AT, HIDING
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import ALWAYS_GOOD
 from vtrack_ros.localisation.running_means import latest_weight
@@ -40,8 +40,6 @@ _TOGETHER, _ALIKE = 0.5, 0.75
 _LEVEL = 0.5
 #: The least that a similarity is taken for.
 _LEAST = 0.01
-#: For so many frames a target may be hidden by what looks like it; then it may be that itself.
-_HIDDEN = 12
 
 
 @dataclass(frozen=True)
@@ -193,7 +191,7 @@ class Hypotheses:
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
-        distractors = found.distractors if self.unseen_frames <= _HIDDEN else ()
+        distractors = found.distractors if self.unseen_frames <= HIDING else ()
         elsewhere = self._leader.update(
             frame, found.response, found.place, dt, motion=found.motion, distractors=distractors,
             rival=found.rival)
