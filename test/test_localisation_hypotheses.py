@@ -115,7 +115,7 @@ def test_the_box_has_the_size_between_the_two_models(monkeypatch):
 
 
 @pytest.mark.parametrize('distractor, frames, found', [
-    (False, 14, True), (True, 14, False), (True, 40, True)])
+    (False, 20, True), (True, 16, False), (True, 40, True)])
 def test_redetection_does_not_jump_to_a_distractor(distractor, frames, found):
     """It goes by the look, but the two were seen side by side; who is lost for long may be it."""
     target, _ = started(VIDEO.frame(START))
