@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import importlib
 import os
 from pathlib import Path
 import signal
+from types import ModuleType
 
 from hypothesis import settings
 import pytest
@@ -36,6 +39,14 @@ settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'quick'))
 def repository() -> Path:
     """Return the root of the source tree."""
     return REPOSITORY
+
+
+@pytest.fixture
+def from_benchmarks(repository: Path, monkeypatch: pytest.MonkeyPatch,
+                    ) -> Callable[[str], ModuleType]:
+    """Return an import of a benchmark's module by its name."""
+    monkeypatch.syspath_prepend(repository / 'benchmarks')
+    return importlib.import_module
 
 
 @pytest.fixture(scope='session')

@@ -1,23 +1,18 @@
 """The filters' benchmarks run, and their JSON has the documented shape."""
 
-import importlib
 import json
 import math
-from pathlib import Path
 
 import pytest
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / 'benchmarks'
 METRICS = ('rmse_mean', 'rmse_median', 'rmse_var', 'seconds_per_run')
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
+def run(from_benchmarks, monkeypatch, capsys):
     """Return a call of a benchmark's main function, which returns what was printed."""
-    monkeypatch.syspath_prepend(BENCHMARKS)
-
     def call(script, *arguments):
-        module = importlib.import_module(script)
+        module = from_benchmarks(script)
         for name in ('STEPS', 'GREY_STEPS', 'REFERENCE_PARTICLES'):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, 8)

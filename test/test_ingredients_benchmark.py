@@ -1,8 +1,5 @@
 """The benchmark of the ingredients: each one can be left out, and is there again afterwards."""
 
-import importlib
-from pathlib import Path
-
 from evaluation_material import write_sequence
 import numpy as np
 import pytest
@@ -11,14 +8,11 @@ from vtrack_ros.estimation.forecast_mixture import ForecastMixture
 from vtrack_ros.evaluation.sequences import read_folder
 from vtrack_ros.localisation.redetection import Redetection
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / 'benchmarks'
-
 
 @pytest.fixture
-def ingredients(monkeypatch):
+def ingredients(from_benchmarks):
     """Return the benchmark."""
-    monkeypatch.syspath_prepend(BENCHMARKS)
-    return importlib.import_module('ingredients')
+    return from_benchmarks('ingredients')
 
 
 def test_a_target_that_is_lost_is_followed_without_each_ingredient(

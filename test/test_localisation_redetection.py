@@ -249,7 +249,7 @@ def test_a_target_near_the_border_of_a_window_is_looked_at_again(known, offset):
 
 @pytest.mark.parametrize('rival, found', [((226.0, 58.0), True), ((60.0, 190.0), False)])
 def test_where_the_live_model_answers_is_looked_at(known, rival, found):
-    """The target is two sides from all places that are drawn, but near one that answers."""
+    """The target is far from all places that are searched else, but near one that answers."""
     snapshot, template = known
     redetection = Redetection(
         snapshot, template, (0.0, 0.0), 20.0, Draws([(30.0, 200.0), (40.0, 190.0)], 45.0))

@@ -2,24 +2,14 @@
 
 import importlib
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / 'benchmarks'
 
-
-@pytest.fixture
-def part(monkeypatch):
-    """Return an import of a module of the benchmark."""
-    monkeypatch.syspath_prepend(BENCHMARKS)
-    return importlib.import_module
-
-
-def test_a_verdict_needs_an_interval_clear_of_the_limit(part):
+def test_a_verdict_needs_an_interval_clear_of_the_limit(from_benchmarks):
     """Above, below or astride; and with few runs no verdict at all."""
-    outcomes = part('paper_experiments.outcomes')
+    outcomes = from_benchmarks('paper_experiments.outcomes')
     rng = np.random.default_rng(1)
     lower, higher = rng.normal(2, 0.1, 12), rng.normal(4, 0.1, 12)
     half = outcomes.ratio(lower, higher)
@@ -32,19 +22,19 @@ def test_a_verdict_needs_an_interval_clear_of_the_limit(part):
     assert outcomes.both(outcomes.OPEN, outcomes.FAILS) == outcomes.FAILS
 
 
-def test_a_share_of_all_runs_has_an_interval_too(part):
+def test_a_share_of_all_runs_has_an_interval_too(from_benchmarks):
     """Ten of ten are surely more than half, three of three aren't; shares stay in 0 to 1."""
-    outcomes = part('paper_experiments.outcomes')
+    outcomes = from_benchmarks('paper_experiments.outcomes')
     assert outcomes.share(np.ones(10)).above(0.5) == outcomes.HOLDS
     assert outcomes.share(np.ones(3)).above(0.5) == outcomes.OPEN
     none = outcomes.share(np.zeros(10))
     assert none.low == 0 and 0 < none.high < 0.5
 
 
-def test_run_k_is_seed_k_on_its_film_and_is_kept(part, tmp_path):
+def test_run_k_is_seed_k_on_its_film_and_is_kept(from_benchmarks, tmp_path):
     """Two films, three runs; what was run or rendered before isn't again."""
-    films = part('paper_experiments.films')
-    outcomes = part('paper_experiments.outcomes')
+    films = from_benchmarks('paper_experiments.films')
+    outcomes = from_benchmarks('paper_experiments.outcomes')
     cache = importlib.import_module('vtrack_ros.evaluation.cache').RunCache(tmp_path)
     laboratory = films.Laboratory(3, tmp_path / 'none', tmp_path, cache)
     trackers = {'PF': 'pf_paper:particles=20'}
@@ -59,10 +49,11 @@ def test_run_k_is_seed_k_on_its_film_and_is_kept(part, tmp_path):
     assert laboratory.video('David') == []
 
 
-def test_one_seed_gives_json_and_a_page(part, tmp_path):
+def test_one_seed_gives_json_and_a_page(from_benchmarks, tmp_path):
     """No standard errors, which are left out, and no verdicts; what isn't there stays as it is."""
-    films = part('paper_experiments.films')
-    outcomes, page = part('paper_experiments.outcomes'), part('paper_experiments.page')
+    films = from_benchmarks('paper_experiments.films')
+    outcomes = from_benchmarks('paper_experiments.outcomes')
+    page = from_benchmarks('paper_experiments.page')
     laboratory = films.Laboratory(1, tmp_path, None, None)
     runs = laboratory.measure(laboratory.films('face_fast', 2, 4), 2, {
         name: f'{name}_paper:particles=20' for name in ('pf', 'gmpf')})
@@ -73,7 +64,7 @@ def test_one_seed_gives_json_and_a_page(part, tmp_path):
     experiment.claim('one', str(one), one.below(1))
     content = {'paper1': {'tables': experiment.tables, 'claims': experiment.claims,
                           'environment': {}, 'seeds': 1, 'curves': {}}}
-    part('result_files').write_json(tmp_path / 'papers.json', content)
+    from_benchmarks('result_files').write_json(tmp_path / 'papers.json', content)
     kept = json.loads((tmp_path / 'papers.json').read_text())
     text = page.filled('a\n<!-- paper1 claims --> <!-- end -->\n<!-- paper1 tables --> '
                        '<!-- end -->\n<!-- paper2 claims --> b <!-- end -->\n', kept)
@@ -81,9 +72,9 @@ def test_one_seed_gives_json_and_a_page(part, tmp_path):
     assert ' ± ' not in text and '<!-- paper2 claims --> b' in text
 
 
-def test_help_and_bad_arguments(part, capsys):
+def test_help_and_bad_arguments(from_benchmarks, capsys):
     """Help names the papers; a number of runs must be positive."""
-    papers = part('papers')
+    papers = from_benchmarks('papers')
     with pytest.raises(SystemExit, match='0'):
         papers.main(['--help'])
     assert 'paper4' in capsys.readouterr().out
