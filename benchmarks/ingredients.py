@@ -71,6 +71,10 @@ def _unsearched(self: Any, frame: Any, live: Any, similarity: float, peak: float
     return _update(self, frame, live, similarity, peak, dt, False, *others)
 
 
+def _without_rival(self: Any, *values: Any) -> Any:
+    return _update(self, *values[:-1])
+
+
 #: What is replaced so that an ingredient has no effect.
 WITHOUT: dict[str, Callable[[], list[Any]]] = {
     ALL: list,
@@ -103,6 +107,7 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     'the global search': lambda: [
         patch.object(GlobalSearch, 'update', lambda self, *_: None)],
     'doubt of what was found': lambda: [patch.object(global_search, '_CONFIRMED', 0.0)],
+    'the rival': lambda: [patch.object(Redetection, 'update', _without_rival)],
     're-detection': lambda: [patch.object(Redetection, 'update', _unsearched)]}
 
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.fft
 
 from vtrack_ros.appearance.regression import CorrelationFilter, taper
-from vtrack_ros.localisation.search_window import parabola_offset, subcell_offset
+from vtrack_ros.localisation.response_map import parabola_offset, subcell_offset
 
 ROWS, COLUMNS, WIDTH = 20, 24, 1.5
 

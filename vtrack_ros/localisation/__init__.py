@@ -32,6 +32,6 @@ from vtrack_ros.localisation.candidates import Found
 from vtrack_ros.localisation.guided_search import GuidedSearch
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.search_window import ResponseMap
+from vtrack_ros.localisation.response_map import ResponseMap
 
 __all__ = ['Found', 'GuidedSearch', 'Hypotheses', 'Localiser', 'ResponseMap']

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from vtrack_ros.frame import Point
-from vtrack_ros.localisation.search_window import ResponseMap
+from vtrack_ros.localisation.response_map import ResponseMap
 
 #: As many are told apart at most: a flat response has thousands.
 _MOST = 50

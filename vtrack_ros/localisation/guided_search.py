@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from vtrack_ros.appearance.image_motion import SparsePicture, TargetFlow, TargetMotion
+from vtrack_ros.appearance.sampling import turned
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
@@ -15,15 +16,16 @@ from vtrack_ros.localisation.candidates import (
 from vtrack_ros.localisation.distractors import AT, Distractors, HIDING
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
+from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import mean_velocity
-from vtrack_ros.localisation.search_window import inside, ResponseMap
+from vtrack_ros.localisation.search_window import inside
 
 #: Below this share of the usual response, or after so many frames, more windows are searched.
 _LOW, _LONG = 0.75, 1.5
 #: Windows nearer than that to one that is searched, in sides of the target, aren't searched.
 _APART = 0.4
-#: Distance of the windows around, in windows.
-_AROUND = 0.5
+#: The windows around, by half windows right and down.
+_AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1) if right or down]
 #: A maximum below this share of the highest one isn't a candidate.
 _CANDIDATE = 0.6
 #: Maxima nearer to a higher one than that, in sides, are of the same thing.
@@ -109,8 +111,7 @@ class GuidedSearch:
             self._forecasts |= self._along(
                 'ground', before.ground_step(self._picture, box, far=True), dt)
         if low or dt > _LONG:
-            others = self._others(frame, expected)[:target.more_windows]
-            maps += [target.localise(frame, place) for place in others]
+            maps += self._wider(frame, expected)
         every = sorted(((place, response, value) for response in maps
                         for place, value in maxima(response, _DISTRACTING)),
                        key=lambda each: -each[2])[:_MAXIMA]
@@ -205,18 +206,23 @@ class GuidedSearch:
         return {f'with {name}': there,
                 f'beside {name}': _moved(there, self._own_velocity, dt)}
 
-    def _others(self, frame: Frame, expected: Point) -> list[Point]:
-        """Return places for more windows: the other forecasts', and eight around."""
+    def _wider(self, frame: Frame, expected: Point) -> list[ResponseMap]:
+        """Return the responses in more windows: about the other forecasts, and eight around."""
         target, least = self._target, _APART * self._side
-        width, height = (_AROUND * size * reach for size, reach in zip(target.size, target.reach))
-        around = [(expected[0] + x * width, expected[1] + y * height)
-                  for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
-        places = [expected]
-        for place in (*self._forecasts.values(), *around):
+        width, height = (size * reach / 2 for size, reach in zip(target.size, target.reach))
+        places, steps = [expected], []
+        for place in self._forecasts.values():
             place = inside(place, frame)
             if min(math.dist(place, other) for other in places) > least:
                 places.append(place)
-        return places[1:]
+        for right, down in _AROUND:
+            x, y = turned((right * width, down * height), target.angle)
+            place = inside((expected[0] + x, expected[1] + y), frame)
+            if min(math.dist(place, other) for other in places) > least:
+                steps.append((right, down))
+        maps = [target.localise(frame, place) for place in places[1:target.more_windows + 1]]
+        steps = steps[:target.more_windows - len(maps)]
+        return maps + target.localise_beside(frame, expected, steps)
 
     def _identified(self, frame: Frame, response: ResponseMap, every: list[Maximum],
                     expected: Point, dt: float) -> Found:

@@ -17,8 +17,9 @@ from vtrack_ros.localisation.candidates import Found
 from vtrack_ros.localisation.distractors import AT, HIDING
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import ALWAYS_GOOD
+from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import latest_weight
-from vtrack_ros.localisation.search_window import inside, ResponseMap
+from vtrack_ros.localisation.search_window import inside, Step
 from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser
 from vtrack_ros.tracker import Estimate
 
@@ -175,6 +176,11 @@ class Hypotheses:
     def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
         """Return the response about a place, in pixels; see `Localiser.localise`."""
         return self._leader.localise(frame, center, angle)
+
+    def localise_beside(self, frame: Frame, center: Point,
+                        steps: Sequence[Step]) -> list[ResponseMap]:
+        """Return the responses in windows beside that one; see `WindowLayout.windows_beside`."""
+        return self._leader.snapshot.localise_beside(frame, center, steps)
 
     def likeness(self, frame: Frame, place: Point) -> float:
         """Return how similar a place, in pixels, is to the target; see `Localiser.likeness`."""

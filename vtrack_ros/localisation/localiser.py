@@ -16,9 +16,10 @@ from vtrack_ros.localisation.global_search import GlobalSearch
 from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after)
 from vtrack_ros.localisation.redetection import Redetection
+from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import mean_velocity
 from vtrack_ros.localisation.search_window import (
-    COARSE, FINE, inside, ResponseMap, SearchWindow, WindowLayout)
+    COARSE, FINE, inside, SearchWindow, WindowLayout)
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
 

@@ -15,7 +15,8 @@ from vtrack_ros.localisation.candidates import distinct
 from vtrack_ros.localisation.distractors import is_distractor
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
-from vtrack_ros.localisation.search_window import inside, ResponseMap
+from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
 #: Similarity that ends the failure, or justifies a jump from a target that is seen: the lower of a

@@ -1,21 +1,21 @@
-"""The window about a target, sampled and described, and the response over it."""
+"""The window about a target, sampled and described."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.colour_model import colour_index, Colours, Rectangle
-from vtrack_ros.appearance.features import describe
+from vtrack_ros.appearance.features import describe, Features
 from vtrack_ros.appearance.regression import CorrelationFilter, Spectrum
 from vtrack_ros.appearance.sampling import PixelWindow, turned
-from vtrack_ros.frame import Array, Frame, Point
-from vtrack_ros.geometry.affine import rotation
+from vtrack_ros.frame import Frame, Point
+
+#: From one window to another: so many halves of it to the right and down, one at most each way.
+Step = tuple[int, int]
 
 #: Side of a cell, in samples.
 _CELL = 3
@@ -25,10 +25,6 @@ _DETAIL = 2
 COARSE, FINE = 22 * 22, 28 * 28
 #: Width of the surroundings in the window, as a share of the target's mean side.
 _CONTEXT = 1.5
-#: A place with less than this share of a window's highest response is a lesser maximum.
-_LEVEL = 0.95
-#: Cells about the highest response that belong to its peak; the least variance of the others.
-_PEAK, _LEAST_VARIANCE = 3, 1e-9
 
 
 @dataclass(frozen=True)
@@ -128,156 +124,48 @@ class WindowLayout:
 
         A target that has turned by an angle, [rad], is seen upright in it.
         """
-        whole = PixelWindow.about(
-            center, (size[0] * self.reach[0], size[1] * self.reach[1]), angle)
-        pixels = whole.sampled(frame, self.rows * _CELL, self.columns * _CELL)
-        grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
-        small = cv2.resize(pixels, (self.columns * _DETAIL, self.rows * _DETAIL))
-        cells = cv2.resize(small, (self.columns, self.rows), interpolation=cv2.INTER_AREA)
-        spectrum = CorrelationFilter.transform(describe(grey, cells, _CELL))
-        size = whole.width / self.reach[0], whole.height / self.reach[1]
-        cell = whole.width / self.columns, whole.height / self.rows
+        whole = self._pixels(center, size, angle)
+        return self._window(whole.center, (whole.width, whole.height), angle,
+                            *_described(frame, whole, self.rows, self.columns))
+
+    def windows_beside(self, frame: Frame, center: Point, size: Point, angle: float,
+                       steps: Sequence[Step]) -> list[SearchWindow]:
+        """Describe windows beside that one; they overlap, so what they see is described once."""
+        rows, columns = self.rows, self.columns
+        whole = self._pixels(center, (2 * size[0], 2 * size[1]), angle)
+        grey, colours, features = _described(frame, whole, 2 * rows, 2 * columns)
+        side, windows = (whole.width / 2, whole.height / 2), []
+        for right, down in steps:
+            left, top = (1 + right) * columns // 2, (1 + down) * rows // 2
+            samples, bins, cells = (
+                (..., slice(density * top, density * (top + rows)),
+                 slice(density * left, density * (left + columns)))
+                for density in (_CELL, _DETAIL, 1))
+            x, y = turned((right * side[0] / 2, down * side[1] / 2), angle)
+            at = whole.center[0] + x, whole.center[1] + y
+            windows.append(self._window(
+                at, side, angle, grey[samples], colours[bins], features[cells]))
+        return windows
+
+    def _pixels(self, center: Point, size: Point, angle: float) -> PixelWindow:
+        return PixelWindow.about(center, (size[0] * self.reach[0], size[1] * self.reach[1]), angle)
+
+    def _window(self, center: Point, side: Point, angle: float, grey: Frame, colours: Colours,
+                features: Features) -> SearchWindow:
+        cell = side[0] / self.columns, side[1] / self.rows
+        size = side[0] / self.reach[0], side[1] / self.reach[1]
         return SearchWindow(
-            whole.center, cell, angle, self, size, grey, colour_index(small), spectrum)
+            center, cell, angle, self, size, grey, colours, CorrelationFilter.transform(features))
 
 
-@dataclass(frozen=True)
-class ResponseMap:
-    """The response to the target's centre in each cell of a window."""
-
-    window: Grid
-    values: NDArray[np.float32]
-
-    @cached_property
-    def highest(self) -> tuple[int, int]:
-        """Return the (column, row) of the highest response."""
-        row, column = divmod(int(self.values.argmax()), self.values.shape[1])
-        return column, row
-
-    @cached_property
-    def peak(self) -> float:
-        """Return the highest response."""
-        column, row = self.highest
-        return self.values.item(row, column)
-
-    @cached_property
-    def sharpness(self) -> float:
-        """
-        Return the peak-to-sidelobe ratio [Bolme2010].
-
-        By how many standard deviations the highest response is above the mean of those more than
-        three cells from it; 0 where there are none.
-        """
-        column, row = self.highest
-        values = self.values
-        near = values[max(0, row - _PEAK):row + _PEAK + 1,
-                      max(0, column - _PEAK):column + _PEAK + 1]
-        count = values.size - near.size
-        if not count:
-            return 0.0
-        mean = (float(values.sum()) - float(near.sum())) / count
-        squares = float(np.einsum('ij,ij', values, values) - np.einsum('ij,ij', near, near))
-        return (self.peak - mean) / math.sqrt(max(squares / count - mean**2, _LEAST_VARIANCE))
-
-    @cached_property
-    def center(self) -> Point:
-        """Return where the highest response is, in pixels, to a part of a cell."""
-        return self.maximum(self.highest)
-
-    def cells(self, points: Array) -> Array:
-        """Return points, shape (N, 2) in pixels, in cells of the map."""
-        window = self.window
-        cells = points - window.center
-        if window.angle:
-            cells = cells @ rotation(np.asarray(window.angle))
-        cells /= window.cell
-        cells += self._middle
-        return cells
-
-    def place(self, cells: Array) -> Point:
-        """Return the place, in pixels, of a point in cells of the map, shape (2,)."""
-        x, y = (cells - self._middle).tolist()
-        return self.window.at((x, y))
-
-    def sample(self, points: Array) -> Array:
-        """Return the response at points, shape (N, 2) in pixels; 0 beyond the window."""
-        # OpenCV's remap rounds places to a 32nd of a cell, or doesn't, as its version may be
-        padded = cv2.copyMakeBorder(self.values, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=0)
-        cells = self.cells(points)
-        first = np.floor(cells)
-        across, down = (cells - first).T
-        columns, rows = (first.clip(-2, self.values.shape[::-1]).astype(np.intp) + 2).T
-        values, width = padded.ravel(), padded.shape[1]
-        index = rows * width + columns
-        above, below = (
-            (1 - across) * values[index + line] + across * values[index + line + 1]
-            for line in (0, width))
-        result: Array = (1 - down) * above + down * below
-        return result
-
-    def sample_one(self, place: Point) -> float:
-        """Return the response at one place, in pixels; 0 beyond the window."""
-        # one point is told sooner by hand
-        (x, y), (middle_x, middle_y) = self.window.shift(place), self._middle
-        left, top = math.floor(x), math.floor(y)
-        x, y = x - left, y - top
-        row, column = top + middle_y, left + middle_x
-        rows, columns = self.values.shape
-        return sum(
-            (y if down else 1 - y) * (x if right else 1 - x)
-            * self.values.item(row + down, column + right)
-            for down in (0, 1) for right in (0, 1)
-            if 0 <= row + down < rows and 0 <= column + right < columns)
-
-    def unless_dominated(self, place: Point, better: Point) -> Point:
-        """Return a place, in pixels, or a better one where the response is clearly higher."""
-        if self.sample_one(place) >= _LEVEL * self.sample_one(better):
-            return place
-        return better
-
-    def local_maximum(self, start: Point) -> Point:
-        """Return the local maximum of the response that is uphill from a place, in pixels."""
-        column, row = (
-            min(max(round(cells) + middle, 0), 2 * middle - 1)
-            for cells, middle in zip(self.window.shift(start), self._middle))
-        while abs(column - self.highest[0]) > 2 or abs(row - self.highest[1]) > 2:
-            top, left = max(0, row - 2), max(0, column - 2)
-            near = self.values[top:row + 3, left:column + 3]
-            up, across = divmod(int(near.argmax()), near.shape[1])
-            if (top + up, left + across) == (row, column):
-                return self.maximum((column, row))
-            row, column = top + up, left + across
-        return self.center
-
-    def maximum(self, cell: tuple[int, int]) -> Point:
-        """Return the place, in pixels, of a maximum in a cell (column, row)."""
-        column, row = cell
-        x, y = subcell_offset(self.values, row, column)
-        middle_x, middle_y = self._middle
-        return self.window.at((column + x - middle_x, row + y - middle_y))
-
-    @property
-    def _middle(self) -> tuple[int, int]:
-        """Return the (column, row) of the window's centre; a window's sides are even."""
-        rows, columns = self.values.shape
-        return columns // 2, rows // 2
-
-
-def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
-    """Return how far (x, y) a maximum is from its cell, from -0.5 to 0.5; 0 at the border."""
-    x, y, at = 0.0, 0.0, response.item
-    peak = at(row, column)
-    if 0 < column < response.shape[1] - 1:
-        x = parabola_offset(at(row, column - 1), peak, at(row, column + 1))
-    if 0 < row < response.shape[0] - 1:
-        y = parabola_offset(at(row - 1, column), peak, at(row + 1, column))
-    return x, y
-
-
-def parabola_offset(before: float, peak: float, after: float) -> float:
-    """Return where, from -0.5 to 0.5, the parabola through three equidistant values peaks."""
-    curvature = before - 2 * peak + after
-    return 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+def _described(frame: Frame, whole: PixelWindow, rows: int,
+               columns: int) -> tuple[Frame, Colours, Features]:
+    """Return what's in a window of so many cells: its image, its colours and its features."""
+    pixels = whole.sampled(frame, rows * _CELL, columns * _CELL)
+    grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
+    small = cv2.resize(pixels, (columns * _DETAIL, rows * _DETAIL))
+    cells = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_AREA)
+    return grey, colour_index(small), describe(grey, cells, _CELL)
 
 
 def inside(place: Point, frame: Frame) -> Point:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from vtrack_ros.appearance.siamese_network import (
     Blob, EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.localisation.localiser import LARGEST, Localiser, SMALLEST
-from vtrack_ros.localisation.search_window import Grid, ResponseMap
+from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import Grid, inside, Step
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
 #: Log-odds of places off a target, and so much more of those on it: from 0 to 1 in the response.
@@ -118,6 +120,13 @@ class SiameseModel(TargetModel):
         boxes[:, 2:] *= self.correction[2:]**self.alike
         return SiameseResponse.of(
             center, side, boxes, levels[strong] * _steadiness(boxes[:, 2:], size))
+
+    def localise_beside(self, frame: Frame, center: Point, size: Point, angle: float,
+                        steps: Sequence[Step]) -> list[ResponseMap]:
+        """Return the responses about places by so many half windows, of the filter's, away."""
+        width, height = (side * reach / 2 for side, reach in zip(size, self.layout.reach))
+        places = [(center[0] + x * width, center[1] + y * height) for x, y in steps]
+        return [self.localise(frame, inside(place, frame), size) for place in places]
 
     def seen(self, similarity: float) -> SiameseModel:
         """Return the model after a frame of that similarity to the first one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -12,7 +13,8 @@ from vtrack_ros.appearance.colour_model import box_mean, ColourModel
 from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import CorrelationFilter, ScaleRegression
 from vtrack_ros.frame import Frame, Point
-from vtrack_ros.localisation.search_window import ResponseMap, SearchWindow, WindowLayout
+from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import SearchWindow, Step, WindowLayout
 
 #: Standard deviation of the wanted response, as a share of the target's size.
 _LABEL_WIDTH = 1 / 16
@@ -92,6 +94,12 @@ class TargetModel:
         window = self.layout.window(frame, center, size, angle)
         return ResponseMap(window, self.response(window))
 
+    def localise_beside(self, frame: Frame, center: Point, size: Point, angle: float,
+                        steps: Sequence[Step]) -> list[ResponseMap]:
+        """Return the responses in windows beside that one; see `WindowLayout.windows_beside`."""
+        windows = self.layout.windows_beside(frame, center, size, angle, steps)
+        return [ResponseMap(window, self.response(window)) for window in windows]
+
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
         """Return how far a place's similarity to the initial template is to be believed."""
         return similarity
@@ -155,6 +163,11 @@ class TargetSnapshot:
         """Return the response in the window about a place, in pixels; maybe at another angle."""
         return self.model.localise(
             frame, center, self.size, self.angle if angle is None else angle)
+
+    def localise_beside(self, frame: Frame, center: Point,
+                        steps: Sequence[Step]) -> list[ResponseMap]:
+        """Return the responses in windows beside that one; see `WindowLayout.windows_beside`."""
+        return self.model.localise_beside(frame, center, self.size, self.angle, steps)
 
     def window(self, frame: Frame, center: Point) -> SearchWindow:
         """Describe the window about a place, in pixels."""

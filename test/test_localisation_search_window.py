@@ -1,0 +1,56 @@
+"""Windows beside one another: described together, they are what each of them would be alone."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from vtrack_ros.localisation.search_window import WindowLayout
+
+# a window has as many pixels as samples: nothing is resampled
+LAYOUT = WindowLayout.around(40, 40)
+SIDE = LAYOUT.columns * LAYOUT.SAMPLES
+SIZE = (SIDE / LAYOUT.reach[0], SIDE / LAYOUT.reach[1])
+HERE = (200.0, 160.0)
+AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
+
+
+def texture():
+    """Return a coloured frame of blobs."""
+    noise = np.random.default_rng(3).normal(size=(320, 400, 3))
+    smooth = cv2.GaussianBlur(noise, (0, 0), 3)
+    return (128 + 50 * smooth / smooth.std()).clip(0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize('channels', [3, 1])
+def test_windows_described_together_are_those_described_alone(channels):
+    """The same image and colours to the last bit, and the same features but near the border."""
+    frame = texture() if channels == 3 else cv2.cvtColor(texture(), cv2.COLOR_BGR2GRAY)
+    beside = LAYOUT.windows_beside(frame, HERE, SIZE, 0.0, AROUND)
+    for (right, down), found in zip(AROUND, beside, strict=True):
+        center = HERE[0] + right * SIDE / 2, HERE[1] + down * SIDE / 2
+        alone = LAYOUT.window(frame, center, SIZE)
+        assert (found.center, found.cell) == (alone.center, alone.cell)
+        assert found.size == pytest.approx(alone.size)
+        np.testing.assert_array_equal(found.grey, alone.grey)
+        np.testing.assert_array_equal(found.colours, alone.colours)
+        error = np.linalg.norm(found.spectrum - alone.spectrum)
+        assert error < 0.02 * np.linalg.norm(alone.spectrum)
+
+
+@pytest.mark.parametrize('angle', [0.5, -2.0])
+def test_windows_beside_a_turned_one_are_turned_with_it(angle):
+    """Their centres are half a window along its own sides, and they show what is there."""
+    frame = texture()
+    (right, down), steps = LAYOUT.windows_beside(frame, HERE, SIZE, angle, [(1, 0), (0, 1)]), (
+        (math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle)))
+    for found, (x, y) in zip((right, down), steps):
+        center = HERE[0] + SIDE / 2 * x, HERE[1] + SIDE / 2 * y
+        assert found.center == pytest.approx(center)
+        assert found.angle == angle
+        alone = LAYOUT.window(frame, center, SIZE, angle)
+        # a window alone is moved to whole pixels
+        assert np.corrcoef(found.grey.ravel(), alone.grey.ravel())[0, 1] > 0.97
