@@ -52,6 +52,15 @@ def test_a_small_and_a_large_target_s_growth_is_told(zoom):
     assert growth(*frames, center, size) == pytest.approx(1.05, abs=0.015)
 
 
+@pytest.mark.parametrize('size', [(150, 0.8), (0.8, 100)])
+@pytest.mark.filterwarnings('error')
+def test_points_of_a_line_that_fall_together_do_no_harm(size):
+    """A target that's hundreds of times as long as wide is told to grow by its other points."""
+    first, second = zoomed(1.0), zoomed(1.05)
+    assert growth(first, first, START, size) is None
+    assert growth(first, second, START, size) == pytest.approx(1.05, abs=0.015)
+
+
 def test_who_only_moves_or_hardly_grows_is_left_as_it_is():
     """What is less than one per cent can't be told from noise; the regression sees to that."""
     assert growth(zoomed(1.0), zoomed(1.0, (6.0, 3.0))) is None

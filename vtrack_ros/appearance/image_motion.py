@@ -94,9 +94,8 @@ class SparsePicture:
         """
         if min(self.pixels.shape) < _SMALLEST:
             return None
-        stride = self.stride
-        x, y = (place / stride for place in target.center)
-        width, height = (_TARGETS * side / stride for side in (target.width, target.height))
+        x, y = (place / self.stride for place in target.center)
+        width, height = (_TARGETS * side / self.stride for side in (target.width, target.height))
         grid = _ground_points(*self.pixels.shape)
         away = np.abs(grid[:, 0] - np.array((x, y), np.float32))
         points = grid[(away[:, 0] > width) | (away[:, 1] > height)]
@@ -104,7 +103,7 @@ class SparsePicture:
         if step is not None or not far:
             return step
         (x, y), reliability = cv2.phaseCorrelate(self._alone, later._alone)
-        whole = (x * stride, y * stride) if reliability >= _FAR_RELIABLE else None
+        whole = (x * self.stride, y * self.stride) if reliability >= _FAR_RELIABLE else None
         return self._agreed(later, points, (x, y)) or whole
 
     @cached_property
@@ -129,8 +128,7 @@ class SparsePicture:
             return None
         there, found = _followed(self.pixels, later.pixels, points, _TEXTURE, about)
         steps = (there - points)[found, 0]
-        count = len(steps)
-        if count < _LEAST_POINTS:
+        if (count := len(steps)) < _LEAST_POINTS:
             return None
         # their median: NumPy's own takes as long as all else here
         order = np.sort(steps, axis=0)
@@ -217,7 +215,10 @@ class TargetMotion:
             return None
         before, after = self.before, self.after
         first, second = _pairs(len(before))
-        turned = (after[second] - after[first]) / (before[second] - before[first])
+        between = before[second] - before[first]
+        # points of a narrow target may fall together: such a pair says that it hasn't grown
+        turned = np.divide(after[second] - after[first], between, out=np.ones_like(between),
+                           where=between != 0)
         moved = after[first] - turned * before[first]
         away = np.abs(turned[:, None] * before + moved[:, None] - after)
         agree = away < _AGREES / self.samples
