@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vtrack_ros.appearance.sampling import PixelWindow, sample_grids
+from vtrack_ros.appearance.sampling import PixelWindow, sample_grids, sparse_part
 
 
 def plain_window(image, center, size, shape):
@@ -196,3 +196,27 @@ def test_a_turned_window_shows_a_turned_target_upright(angle):
     upright = PixelWindow.about(center, (60, 48)).sampled(image, 30, 40)
     seen = PixelWindow.about(center, (60, 48), angle).sampled(turned, 30, 40)
     assert np.abs(seen.astype(int) - upright).max() <= 3
+
+
+def test_a_sparse_part_of_a_small_frame_is_every_so_manieth_pixel():
+    """All over the frame, its last line too where it's one of them; nothing is drawn for it."""
+    frame = np.random.default_rng(0).integers(0, 256, (31, 41, 3), np.uint8)
+    rng = np.random.default_rng(1)
+    part, first = sparse_part(frame, 10, 20, rng)
+    assert first == (0, 0)
+    np.testing.assert_array_equal(part, frame[::10, ::10])
+    assert rng.bit_generator.state == np.random.default_rng(1).bit_generator.state
+
+
+@pytest.mark.parametrize('shape', [(300, 400), (40, 3000), (3000, 40)])
+def test_parts_of_a_large_frame_are_anywhere_and_no_larger_than_that(shape):
+    """Each has what is at its place, nearly as many pixels as it may, and all of them see all."""
+    frame, rng = np.arange(math.prod(shape)).reshape(shape), np.random.default_rng(0)
+    seen = np.zeros(shape, bool)
+    for _ in range(1000):
+        part, (x, y) = sparse_part(frame, 3, 600, rng)
+        rows, columns = part.shape
+        assert 570 < rows * columns <= 600
+        np.testing.assert_array_equal(part, frame[y::3, x::3][:rows, :columns])
+        seen[y:y + 3 * rows, x:x + 3 * columns] = True
+    assert seen.all()

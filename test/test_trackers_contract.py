@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 import itertools
-import tracemalloc
 
 import cv2
 from drawn_video import box_at, DrawnVideo, SIZE, START, straight
@@ -220,26 +219,6 @@ def test_no_box_depends_on_what_confidence_is_enough(name):
         assert lenient.confidence == strict.confidence
         states.append((lenient.state, strict.state))
     assert any(lenient is TrackState.TRACKING is not strict for lenient, strict in states)
-
-
-@ALL
-def test_memory_stays_small_at_full_hd(name):
-    """All that a tracker holds on to after frames of 1920 x 1080: less than 50 MB."""
-    rng = np.random.default_rng(0)
-    frames = [rng.integers(256, size=(1080, 1920, 3), dtype=np.uint8) for _ in range(3)]
-    box = Box(700, 300, 400, 300)
-    create_tracker(name, seed=1).start(frames[0], box)  # tables are made once
-    tracemalloc.start()
-    try:
-        before = tracemalloc.get_traced_memory()[0]
-        tracker = create_tracker(name, seed=1)
-        tracker.start(frames[0], box)
-        for frame in frames[1:]:
-            tracker.update(frame.copy())
-        held = tracemalloc.get_traced_memory()[0] - before
-    finally:
-        tracemalloc.stop()
-    assert held < 50e6
 
 
 @ALL

@@ -141,6 +141,25 @@ def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
     return before, after, at - first
 
 
+def sparse_part(frame: Frame, stride: int, most: int,
+                rng: np.random.Generator) -> tuple[Frame, tuple[int, int]]:
+    """
+    Return every so manieth pixel of a frame, and where the first one is, (x, y) in pixels.
+
+    Of a frame that has more than `most` of them, those of a part, anywhere in it.
+    """
+    rows, columns = (-(-length // stride) for length in frame.shape[:2])
+    if rows * columns <= most:
+        return np.ascontiguousarray(frame[::stride, ::stride]), (0, 0)
+    wide = min(columns, most // min(rows, math.isqrt(most)))
+    high = min(rows, most // wide)
+    # about any place: else what is in a corner would hardly ever be in it
+    top, left = (stride * min(max(int(rng.integers(there)) - taken // 2, 0), there - taken)
+                 for there, taken in ((rows, high), (columns, wide)))
+    part = frame[top:top + stride * high:stride, left:left + stride * wide:stride]
+    return np.ascontiguousarray(part), (left, top)
+
+
 def shrunk(frame: Frame, longest: int) -> Frame:
     """Return a frame shrunk until no side is longer than that, [px], and none is nothing."""
     shrink = longest / max(frame.shape[:2])

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
+from vtrack_ros.appearance.sampling import sparse_part
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.candidates import distinct
 from vtrack_ros.localisation.distractors import is_distractor
@@ -40,6 +41,9 @@ _RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
 _FRAMES_POWER, _EVEN_FRAMES, _MOST_FRAMES = 0.5, 12, 25
 #: Windows searched in a frame; after so many frames by colours, too.
 _SEARCHES, _COLOURED = 3, 8
+#: Of colours so many pixels are looked at across a target, or fewer where those of the whole frame
+#: would be more than that; if they are still more, those of a part of it.
+_COLOUR_PIXELS, _MOST_COLOURS = (6, 3), 1 << 14
 #: So many maxima are looked at again, each in the middle of a window: of those of this share of
 #: the usual response the most probable ones, where that share more is a factor of e in the odds,
 #: and further apart than that, in sides. A place is worth verifying that has this share there.
@@ -271,13 +275,14 @@ class Redetection:
         return [inside(place, frame) for place in places]
 
     def _coloured_place(self, frame: Frame) -> Point:
-        """Return a place anywhere in the frame that has the target's colours."""
+        """Return a place anywhere in the frame, or in a part of it, with the target's colours."""
         width, height = self._snapshot.size
-        stride = max(1, int(min(width, height) / 6))
-        colours = colour_index(np.ascontiguousarray(frame[::stride, ::stride]))
-        probability = self._snapshot.model.colours.probability(colours)
+        fine, coarse = (max(1, int(min(width, height) / pixels)) for pixels in _COLOUR_PIXELS)
+        stride = fine if math.prod(frame.shape[:2]) <= _MOST_COLOURS * fine**2 else coarse
+        pixels, (left, top) = sparse_part(frame, stride, _MOST_COLOURS, self._rng)
+        probability = self._snapshot.model.colours.probability(colour_index(pixels))
         colour = box_mean(probability, (max(1, int(width / stride)), max(1, int(height / stride))))
         # random weights, or one blob of the same colour would be searched again and again
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
         row, column = divmod(int(colour.argmax()), colour.shape[1])
-        return float(column * stride), float(row * stride)
+        return float(left + column * stride), float(top + row * stride)

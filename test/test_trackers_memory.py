@@ -1,0 +1,49 @@
+"""Memory of a tracker: what it holds on to, and what a search takes, are small in any frame."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from vtrack_ros.geometry import Box
+from vtrack_ros.trackers import create_tracker, tracker_names, TrackState
+
+
+@pytest.mark.parametrize('name', tracker_names(replicas=False))
+def test_memory_stays_small_at_full_hd(name):
+    """All that a tracker holds on to after frames of 1920 x 1080: less than 50 MB."""
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(256, size=(1080, 1920, 3), dtype=np.uint8) for _ in range(3)]
+    box = Box(700, 300, 400, 300)
+    create_tracker(name, seed=1).start(frames[0], box)  # tables are made once
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        tracker = create_tracker(name, seed=1)
+        tracker.start(frames[0], box)
+        for frame in frames[1:]:
+            tracker.update(frame.copy())
+        held = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert held < 50e6
+
+
+@pytest.mark.parametrize('name', ['gmpf', 'dcf'])
+def test_a_small_target_that_is_gone_takes_no_more_of_a_large_frame(name):
+    """Of 3840 x 2160 pixels no update holds as much memory as half of them have in grey."""
+    noise = np.random.default_rng(0).integers(256, size=(2160, 3840), dtype=np.uint8)
+    first, *others = (np.stack([grey] * 3, axis=-1)
+                      for grey in (noise, noise[::-1], noise[:, ::-1]))
+    tracker = create_tracker(name, seed=1)
+    tracker.start(first, Box(1900, 1000, 16, 16))
+    tracemalloc.start()
+    try:
+        for frame in others * 10:
+            before, _ = tracemalloc.get_traced_memory()
+            tracemalloc.reset_peak()
+            estimate = tracker.update(frame)
+            assert tracemalloc.get_traced_memory()[1] - before < noise.size / 2
+    finally:
+        tracemalloc.stop()
+    assert estimate.state is not TrackState.TRACKING
