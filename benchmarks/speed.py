@@ -39,6 +39,8 @@ SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
 VGA = (640, 480)
 TARGET = 64
 TARGETS = (16, 32, 64, 128, 256)
+#: Where the target is gone: the image's size, and the target's side.
+SEARCHED = ((VGA, TARGET), (VGA, 16), ((1920, 1080), 16))
 PARTICLES = (25, 50, 100, 150, 200, 400, 800)
 TURN = 8
 #: In so many frames after the first one, trackers with two models update both in each; and after
@@ -139,18 +141,20 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
     """Return all measurements: by image size, target size, particles, and while it's searched."""
     swarms = [tracker for tracker in chosen
               if 'particles' in tracker.tracker_class.PARAMETERS and not tracker.parameters]
-    total = len(SIZES) + len(TARGETS) + 2
+    total = len(SIZES) + len(TARGETS) + len(SEARCHED) + 1
     bar, done = ProgressBar('films'), 0
     bar(done, total)
-    images, targets = {}, {}
+    images, targets, searches = {}, {}, {}
     for size in SIZES:
         images[f'{size[0]}x{size[1]}'] = _over_seeds(chosen, size, TARGET, frames, seeds)
         bar(done := done + 1, total)
     for target in TARGETS:
         targets[str(target)] = _over_seeds(chosen, VGA, target, frames, seeds)
         bar(done := done + 1, total)
-    search = _over_seeds(chosen, VGA, TARGET, frames, seeds, seen=START)
-    bar(done := done + 1, total)
+    for size, target in SEARCHED:
+        searches[f'{size[0]}x{size[1]}, {target} px'] = _over_seeds(
+            chosen, size, target, frames, seeds, seen=START)
+        bar(done := done + 1, total)
     counts: dict[str, dict[str, dict[str, float]]] = {}
     for count in PARTICLES:
         sized = [parse_tracker(f'{tracker.name}:particles={count}') for tracker in swarms
@@ -158,7 +162,7 @@ def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict
         row = _over_seeds(sized, VGA, TARGET, frames, seeds)
         counts[str(count)] = {label.partition(':')[0]: cells for label, cells in row.items()}
     bar(total, total)
-    return {'image': images, 'target': targets, 'particles': counts, 'search': search}
+    return {'image': images, 'target': targets, 'particles': counts, 'search': searches}
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -236,9 +240,10 @@ def _shown(content: dict[str, Any]) -> dict[str, Any]:
     times = {kind: {key: {label: row['cpu_ms'] for label, row in rows.items()}
                     for key, rows in content[kind].items()}
              for kind in ('image', 'target', 'particles')}
-    search = {label: {key: row[key] for key in ('cpu_ms', 'wall_ms_p99')}
-              for label, row in content['search'].items()}
-    return {**content, **times, 'search': search,
+    searches = {film: {label: {key: row[key] for key in ('cpu_ms', 'wall_ms_p99')}
+                       for label, row in rows.items()}
+                for film, rows in content['search'].items()}
+    return {**content, **times, 'search': searches,
             'vga': content['image'][f'{VGA[0]}x{VGA[1]}']}
 
 
@@ -277,7 +282,8 @@ def _page(content: dict[str, Any]) -> str:
     ratios = [['tracker', 'cpu ms', 'at start', 'ms', 'ms p99', 'fps', 'times CSRT', 'times KCF',
                'mean IoU', 'target 16 to 256 px', 'VGA to full HD']]
     small, large = (content['target'][str(target)] for target in (TARGETS[0], TARGETS[-1]))
-    full = content['image']['1920x1080']
+    full, gone = content['image']['1920x1080'], content['search']
+    first = next(iter(gone.values()))
     for label, row in sorted(vga.items(), key=lambda item: item[1]['cpu_ms']):
         ms = row['cpu_ms']
         ratios.append([
@@ -299,13 +305,15 @@ def _page(content: dict[str, Any]) -> str:
         '"times CSRT" and "times KCF": how many times their frame rate. The last two columns are '
         'growth: the time at the larger size by that at the smaller.', '',
         markdown(ratios), '',
-        f'## 640x480, the target gone after {START} frames', '',
-        'The processor time is the median over the frames without it, in which it is searched; '
-        'the percentile of the time by the clock is of all frames.', '',
-        markdown([['tracker', 'cpu ms', 'ms p99'],
-                  *([label, f'{row["cpu_ms"]:.2f}', f'{row["wall_ms_p99"]:.2f}']
-                    for label, row in sorted(content['search'].items(),
-                                             key=lambda item: item[1]['cpu_ms']))]), '']
+        f'## The target gone after {START} frames', '',
+        'By the size of the image, and the side of the target: the processor time, the median '
+        'over the frames without it, in which it is searched, and the 99th percentile of the time '
+        'by the clock, of all frames.', '',
+        markdown([['tracker', *(f'{film}: {figure}' for film in gone
+                                for figure in ('cpu ms', 'ms p99'))],
+                  *([label, *(f'{rows[label][key]:.2f}' for rows in gone.values()
+                              for key in ('cpu_ms', 'wall_ms_p99'))]
+                    for label in sorted(first, key=lambda each: first[each]['cpu_ms']))]), '']
     titles = {'image': 'Image size', 'target': 'Target size, 640x480',
               'particles': 'Particles, 640x480'}
     for name, title in titles.items():
