@@ -1,8 +1,7 @@
 """
 Sampling a frame: windows of whole pixels, upright or turned, and grids of places.
 
-The cost depends on the number of samples, and neither on the window's size nor on the frame's; but
-of an upright window over the frame's border up to a million pixels are copied.
+The cost depends on the number of samples, and neither on the window's size nor on the frame's.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame, Point
 
-#: Of a larger window that reaches beyond the frame, some pixels are left out.
-_MOST_PIXELS = 1 << 20
+#: A larger window that reaches beyond the frame is mapped, not copied with the border repeated.
+_MOST_COPIED = 1 << 17
 #: Steps between two pixels at which OpenCV samples exactly alike in every version.
 _FINE = 32
-#: Of a longer turned window, some pixels are left out: OpenCV samples at places up to 32,766.
+#: Of a longer window that is mapped, some pixels are left out: OpenCV samples up to 32,766.
 _LONGEST_SIDE = 20_000
 
 
@@ -58,9 +57,8 @@ class PixelWindow:
         Where several pixels fall on one sample, a regular subset of them is used.
         """
         if self.angle:
-            return self._turned(frame, rows, columns)
+            return self._mapped(frame, rows, columns)
         part, margins = frame, []
-        stride = 1 + math.isqrt(self.width * self.height // _MOST_PIXELS)
         for axis, start, length in ((0, self.top, self.height), (1, self.left, self.width)):
             first = min(max(start, 0), frame.shape[axis] - 1)
             last = min(max(start + length, first + 1), frame.shape[axis])
@@ -68,25 +66,28 @@ class PixelWindow:
             before = min(max(first - start, 0), length - 1)
             margins += [before, length - before - (last - first)]
         if any(margins):
-            above, below, before, after = (margin // stride for margin in margins)
-            part = cv2.copyMakeBorder(
-                part[::stride, ::stride], above, below, before, after, cv2.BORDER_REPLICATE)
+            if self.width * self.height > _MOST_COPIED:
+                return self._mapped(frame, rows, columns)
+            above, below, before, after = margins
+            part = cv2.copyMakeBorder(part, above, below, before, after, cv2.BORDER_REPLICATE)
         window: Frame = cv2.resize(part, (columns, rows), interpolation=cv2.INTER_LINEAR)
         return window
 
-    def _turned(self, frame: Frame, rows: int, columns: int) -> Frame:
-        """Sample a turned window: bilinearly, at places to a 32nd of a pixel."""
+    def _mapped(self, frame: Frame, rows: int, columns: int) -> Frame:
+        """Sample a window that may be turned: bilinearly, at places to a 32nd of a pixel."""
         stride = 1 + max(self.width, self.height) // _LONGEST_SIDE
         if stride > 1:
             center = self.center[0] / stride, self.center[1] / stride
             size = self.width / stride, self.height / stride
-            return self.about(center, size, self.angle)._turned(
+            return self.about(center, size, self.angle)._mapped(
                 frame[::stride, ::stride], rows, columns)
         along = self.width * ((np.arange(columns) + 0.5) / columns - 0.5)
         down = self.height * ((np.arange(rows)[:, None] + 0.5) / rows - 0.5)
-        cosine, sine = math.cos(self.angle), math.sin(self.angle)
-        x = self.center[0] + cosine * along - sine * down
-        y = self.center[1] + sine * along + cosine * down
+        x, y = self.center[0] + along, self.center[1] + down
+        if self.angle:
+            cosine, sine = math.cos(self.angle), math.sin(self.angle)
+            x = self.center[0] + cosine * along - sine * down
+            y = self.center[1] + sine * along + cosine * down
         part, cells, fractions = frame, np.empty((rows, columns, 2), np.int16), []
         for axis, place in ((1, x), (0, y)):
             length = frame.shape[axis]
