@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vtrack_ros.frame import Frame, Point
 
 #: A larger window that reaches beyond the frame is mapped, not copied with the border repeated.
-_MOST_COPIED = 1 << 17
+_MOST_COPIED = 1 << 18
 #: Steps between two pixels at which OpenCV samples exactly alike in every version.
 _FINE = 32
 #: Of a longer window that is mapped, some pixels are left out: OpenCV samples up to 32,766.
