@@ -40,7 +40,7 @@ VGA = (640, 480)
 TARGET = 64
 TARGETS = (16, 32, 64, 128, 256)
 #: Where the target is gone: the image's size, and the target's side.
-SEARCHED = ((VGA, TARGET), (VGA, 16), ((1920, 1080), 16))
+SEARCHED = ((VGA, TARGET), (VGA, 16), ((1920, 1080), 16), ((1920, 1080), 512))
 PARTICLES = (25, 50, 100, 150, 200, 400, 800)
 TURN = 8
 #: In so many frames after the first one, trackers with two models update both in each; and after
