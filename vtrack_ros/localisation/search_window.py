@@ -130,7 +130,7 @@ class WindowLayout:
 
     def windows_beside(self, frame: Frame, center: Point, size: Point, angle: float,
                        steps: Sequence[Step]) -> list[SearchWindow]:
-        """Describe windows beside that one; they overlap, so what they see is described once."""
+        """Describe windows some steps from that one, all at once, for they overlap."""
         rows, columns = self.rows, self.columns
         whole = self._pixels(center, (2 * size[0], 2 * size[1]), angle)
         grey, colours, features = _described(frame, whole, 2 * rows, 2 * columns)
