@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import cv2
+from drawn_video import texture
 import numpy as np
 import pytest
 
@@ -16,19 +17,14 @@ SIDE = LAYOUT.columns * LAYOUT.SAMPLES
 SIZE = (SIDE / LAYOUT.reach[0], SIDE / LAYOUT.reach[1])
 HERE = (200.0, 160.0)
 AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
-
-
-def texture():
-    """Return a coloured frame of blobs."""
-    noise = np.random.default_rng(3).normal(size=(320, 400, 3))
-    smooth = cv2.GaussianBlur(noise, (0, 0), 3)
-    return (128 + 50 * smooth / smooth.std()).clip(0, 255).astype(np.uint8)
+FRAME = texture((320, 400), [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 12,
+                np.random.default_rng(3))
 
 
 @pytest.mark.parametrize('channels', [3, 1])
 def test_windows_described_together_are_those_described_alone(channels):
     """The same image and colours to the last bit, and the same features but near the border."""
-    frame = texture() if channels == 3 else cv2.cvtColor(texture(), cv2.COLOR_BGR2GRAY)
+    frame = FRAME if channels == 3 else cv2.cvtColor(FRAME, cv2.COLOR_BGR2GRAY)
     beside = LAYOUT.windows_beside(frame, HERE, SIZE, 0.0, AROUND)
     for (right, down), found in zip(AROUND, beside, strict=True):
         center = HERE[0] + right * SIDE / 2, HERE[1] + down * SIDE / 2
@@ -44,13 +40,12 @@ def test_windows_described_together_are_those_described_alone(channels):
 @pytest.mark.parametrize('angle', [0.5, -2.0])
 def test_windows_beside_a_turned_one_are_turned_with_it(angle):
     """Their centres are half a window along its own sides, and they show what is there."""
-    frame = texture()
-    (right, down), steps = LAYOUT.windows_beside(frame, HERE, SIZE, angle, [(1, 0), (0, 1)]), (
-        (math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle)))
-    for found, (x, y) in zip((right, down), steps):
+    beside = LAYOUT.windows_beside(FRAME, HERE, SIZE, angle, [(1, 0), (0, 1)])
+    sides = (math.cos(angle), math.sin(angle)), (-math.sin(angle), math.cos(angle))
+    for found, (x, y) in zip(beside, sides, strict=True):
         center = HERE[0] + SIDE / 2 * x, HERE[1] + SIDE / 2 * y
         assert found.center == pytest.approx(center)
         assert found.angle == angle
-        alone = LAYOUT.window(frame, center, SIZE, angle)
+        alone = LAYOUT.window(FRAME, center, SIZE, angle)
         # a window alone is moved to whole pixels
         assert np.corrcoef(found.grey.ravel(), alone.grey.ravel())[0, 1] > 0.97

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from vtrack_ros.appearance.image_motion import SparsePicture, TargetFlow, TargetMotion
-from vtrack_ros.appearance.sampling import turned
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
@@ -18,7 +17,7 @@ from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import mean_velocity
-from vtrack_ros.localisation.search_window import inside
+from vtrack_ros.localisation.search_window import Grid, inside
 
 #: Below this share of the usual response, or after so many frames, more windows are searched.
 _LOW, _LONG = 0.75, 1.5
@@ -210,17 +209,17 @@ class GuidedSearch:
         """Return the responses in more windows: about the other forecasts, and eight around."""
         target, least = self._target, _APART * self._side
         width, height = (size * reach / 2 for size, reach in zip(target.size, target.reach))
-        places, steps = [expected], []
+        halves, places = Grid(expected, (width, height), target.angle), [expected]
+
+        def apart(place: Point) -> bool:
+            return min(math.dist(place, other) for other in places) > least
+
         for place in self._forecasts.values():
             place = inside(place, frame)
-            if min(math.dist(place, other) for other in places) > least:
+            if apart(place):
                 places.append(place)
-        for right, down in _AROUND:
-            x, y = turned((right * width, down * height), target.angle)
-            place = inside((expected[0] + x, expected[1] + y), frame)
-            if min(math.dist(place, other) for other in places) > least:
-                steps.append((right, down))
         maps = [target.localise(frame, place) for place in places[1:target.more_windows + 1]]
+        steps = [step for step in _AROUND if apart(inside(halves.at(step), frame))]
         steps = steps[:target.more_windows - len(maps)]
         return maps + target.localise_beside(frame, expected, steps)
 

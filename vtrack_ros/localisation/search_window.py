@@ -135,16 +135,16 @@ class WindowLayout:
         whole = self._pixels(center, (2 * size[0], 2 * size[1]), angle)
         grey, colours, features = _described(frame, whole, 2 * rows, 2 * columns)
         side, windows = (whole.width / 2, whole.height / 2), []
+        halves = Grid(whole.center, (side[0] / 2, side[1] / 2), angle)
         for right, down in steps:
             left, top = (1 + right) * columns // 2, (1 + down) * rows // 2
             samples, bins, cells = (
                 (..., slice(density * top, density * (top + rows)),
                  slice(density * left, density * (left + columns)))
                 for density in (_CELL, _DETAIL, 1))
-            x, y = turned((right * side[0] / 2, down * side[1] / 2), angle)
-            at = whole.center[0] + x, whole.center[1] + y
             windows.append(self._window(
-                at, side, angle, grey[samples], colours[bins], features[cells]))
+                halves.at((right, down)), side, angle, grey[samples], colours[bins],
+                features[cells]))
         return windows
 
     def _pixels(self, center: Point, size: Point, angle: float) -> PixelWindow:

@@ -125,8 +125,8 @@ class SiameseModel(TargetModel):
                         steps: Sequence[Step]) -> list[ResponseMap]:
         """Return the responses about places by so many half windows, of the filter's, away."""
         width, height = (side * reach / 2 for side, reach in zip(size, self.layout.reach))
-        places = [(center[0] + x * width, center[1] + y * height) for x, y in steps]
-        return [self.localise(frame, inside(place, frame), size) for place in places]
+        halves = Grid(center, (width, height), angle)
+        return [self.localise(frame, inside(halves.at(step), frame), size) for step in steps]
 
     def seen(self, similarity: float) -> SiameseModel:
         """Return the model after a frame of that similarity to the first one."""
