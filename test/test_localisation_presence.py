@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logit
 
 from vtrack_ros.localisation.presence import (
-    logistic, PresenceDetector, state_after, unknown_covariance)
+    logistic, PresenceDetector, state_after, support_of, unknown_covariance)
 from vtrack_ros.tracker import TrackState
 
 
@@ -74,6 +74,31 @@ def test_who_is_recognised_after_long_is_there_as_before():
         presence.judge(0.1, 3.8, 1.0)
     assert presence.absent_frames == 0
     assert presence.confidence == pytest.approx(found_after(0).confidence, abs=1e-3)
+
+
+def test_who_was_lost_for_long_is_recognised_by_the_first_frames_model():
+    """To what it has learned since, the live model's response is as sharp as to the target."""
+    def found(first_sharpness):
+        presence = PresenceDetector()
+        for _ in range(60):
+            presence.judge(0.02, 2.5, 1.0)
+        assert presence.doubts
+        for _ in range(6):
+            presence.judge(0.15, 8.0, 1.0, first_sharpness=first_sharpness)
+        return presence
+    learned, target = found(2.5), found(8.0)
+    assert learned.doubts and learned.absent_frames > 0.5 > learned.confidence
+    assert not target.doubts and target.absent_frames == 0 and target.confidence > 0.8
+    # what it does meanwhile goes by the live model
+    assert learned.unseen_frames == target.unseen_frames == 0
+    assert not found_after(20).doubts
+
+
+def test_another_model_speaks_against_the_target_or_says_nothing():
+    """By the logarithm of its similarity below .07: what it sees itself may be something else."""
+    assert support_of(0.07) == support_of(0.3) == 0
+    assert support_of(0.035) == pytest.approx(-np.log(2))
+    assert support_of(-1.0) == support_of(0.0) == pytest.approx(-np.log(7))
 
 
 def test_similarity_and_sharpness_make_up_for_one_another():
@@ -187,12 +212,12 @@ def test_the_threshold_says_what_is_said_but_not_what_is_done():
     assert lenient.unseen_frames == strict.unseen_frames
 
 
-def test_motion_has_a_say_in_what_is_said_but_not_in_what_is_done():
+def test_support_has_a_say_in_what_is_said_but_not_in_what_is_done():
     """It takes as much off the evidence; whether the target is followed goes by its look."""
-    def judged(motion, elsewhere=False):
+    def judged(support, elsewhere=False):
         presence = PresenceDetector()
         for _ in range(6):
-            presence.judge(0.09, 5.0, 1.0, elsewhere, motion)
+            presence.judge(0.09, 5.0, 1.0, elsewhere, support)
         return presence
     usual, resting = judged(0.0), judged(-1.5)
     assert logit(usual.confidence) - logit(resting.confidence) == pytest.approx(1.5, abs=0.01)

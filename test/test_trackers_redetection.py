@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vtrack_ros.bags import BagReader
+from vtrack_ros.scenes import render
 from vtrack_ros.trackers import create_tracker, TrackState
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'dcf')
@@ -178,6 +179,20 @@ def test_a_target_that_left_is_seldom_taken_for_another(repository):
                   if box_now is None]
         assert estimates[-1].measured and estimates[-1].box.iou(frames[-1][1]) > 0.5
     assert np.mean(taken) < 0.25
+
+
+@pytest.mark.parametrize('name', ['gmpf', 'pf'])
+@pytest.mark.parametrize('target, other', [
+    ('face_fast', 'full_occlusion'), ('light_step', 'distractor_cross'),
+    ('light_change', 'full_occlusion')])
+def test_what_is_followed_after_a_cut_is_not_said_to_be_the_target(target, other, name):
+    """A little like it, and learned since: seconds later it answers as sharply as the target."""
+    before, after = render(target, (320, 240), 30), render(other, (320, 240), 250)
+    tracker, first = create_tracker(name, seed=0), next(before)
+    tracker.start(first.frame, first.truth)
+    known = [tracker.update(each.frame).measured for each in before]
+    later = [tracker.update(each.frame).measured for each in after][100:]
+    assert np.mean(known) > 0.9 and np.mean(later) < 0.05
 
 
 @pytest.mark.parametrize('name', NAMES)

@@ -16,7 +16,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.candidates import Found
 from vtrack_ros.localisation.distractors import AT, HIDING
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.presence import ALWAYS_GOOD
+from vtrack_ros.localisation.presence import ALWAYS_GOOD, support_of
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import inside, Step
@@ -71,9 +71,8 @@ class Hypotheses:
     running means of how similar each one's place is to its own initial template. Whoever is wrong
     for long starts again at the leader's place, with what it knew when they last agreed.
 
-    A network, where one is given, is the only hypothesis: it doesn't learn what's wrong.
-
-    It's asked, and told, like a `Localiser`; the leader answers.
+    A network, where one is given, is the only hypothesis: it doesn't learn what's wrong. It's
+    asked, and told, like a `Localiser`; the leader answers.
     """
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
@@ -198,9 +197,10 @@ class Hypotheses:
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
         distractors = found.distractors if self.unseen_frames <= HIDING else ()
+        support = 0.0 if self.network else support_of(self._other.similarity)
         elsewhere = self._leader.update(
-            frame, found.response, found.place, dt, motion=found.motion, distractors=distractors,
-            rival=found.rival)
+            frame, found.response, found.place, dt, support=found.motion + support,
+            distractors=distractors, rival=found.rival)
         if self.network is not None:
             return elsewhere
         if self._leader.restarted:

@@ -63,16 +63,14 @@ class Localiser:
         window = layout.window(frame, center, size)
         model = self.MODEL.create(window, confined)
         self._template = InitialTemplate.of(model, window)
-        self._first_model, self._window = model, window
-        own = ResponseMap(window, model.response(window)).peak
+        self._first_model, self._first_size, self._window = model, size, window
+        own = float(model.response(window).max())
         self._least_usual = _FIRST_RESPONSE * own, _FIRST_SIMILARITY
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
-        self._first_size, self._rng = size, rng
-        self._frames, self._growing = 0, False
+        self._rng, self._frames, self._growing = rng, 0, False
         self.resized = False
         """Whether the size was measured in the last update."""
-        self._similarity = 1.0
-        self._presence = PresenceDetector()
+        self._similarity, self._presence = 1.0, PresenceDetector()
         #: The running mean while it's tracked, [px/frame].
         self._velocity: Point = (0.0, 0.0)
         self._failure: Redetection | None = None
@@ -145,25 +143,25 @@ class Localiser:
         return similarity / max(self._live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               search: bool = True, motion: float = 0.0,
+               search: bool = True, support: float = 0.0,
                distractors: Sequence[Point] = (), rival: Point | None = None) -> bool:
         """
         Take the place that a tracker decided for, update the model there, and judge it.
 
         After a failure it's searched elsewhere too, unless somebody else does that: where a
-        `rival` answers, too, but no jump is to one of the `distractors`, [px]. `motion` is what
-        its motion adds to the evidence.
+        `rival` answers, but not at the `distractors`, [px]. `support` is what its motion, or
+        another model, adds to the evidence.
 
         Returns whether it was found again elsewhere. Else its centre is the given one, or next to
-        it: near the border of a window it's localised twice. It's turned as the window was.
+        it, where it's localised twice near a window's border. It's turned as the window was.
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame), dt)
-        elsewhere, sharpness = False, response.sharpness
-        lost = None if self._failure is None else self._failure.lost
+        elsewhere, sharpness, lost = False, response.sharpness, None
         if self._failure is None:
             self._judge(before, response, dt)
         else:
+            lost = self._failure.lost
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, search,
                 not self._presence.unseen_frames, distractors, rival)
@@ -180,9 +178,11 @@ class Localiser:
             if sighting is not None:
                 self._restart(sighting.center, sighting.size, sighting.similarity)
                 self._global.restart(sighting.similarity, before.usual_similarity, lost)
-                self.restarted = elsewhere = True
-                sharpness = sighting.sharpness
-        self._presence.judge(self._similarity, sharpness, dt, elsewhere, motion)
+                self.restarted, elsewhere, sharpness = True, True, sighting.sharpness
+        first = None
+        if self._presence.doubts and self._live.model.LEARNS and not elsewhere:
+            first = ResponseMap(self._window, self._first_model.response(self._window)).sharpness
+        self._presence.judge(self._similarity, sharpness, dt, elsewhere, support, first)
         return elsewhere
 
     def require(self, confidence: float) -> None:

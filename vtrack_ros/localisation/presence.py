@@ -44,6 +44,9 @@ _LEAST_SHARPNESS, _LEAST_SIMILARITY = 0.1, 0.01
 #: within so much of it again; and what it takes off the evidence.
 _FALL, _RECOVERED, _USUAL_RATE = 0.9, 0.45, 0.05
 _FALL_WEIGHT = 1.0
+#: Another model that is less similar to its own initial template than that speaks against the
+#: target, by the logarithm of the ratio.
+_UNLIKE = 0.07
 #: Tracking hasn't failed where the evidence for the target is more than that.
 _SURE = 1.0
 #: Weight of the latest frame's evidence; that of those before counts as no clearer than so much.
@@ -153,15 +156,17 @@ class PresenceDetector:
     model is sharp as well. Neither alone tells as much as both. A similarity that fell abruptly
     speaks against it, one that faded doesn't.
 
-    What is said of the target counts its motion too (`confidence`, `absent_frames`), and whoever
-    wants fewer wrong boxes, or fewer frames without one, says from which confidence on it's there.
-    One that was lost for long has to be recognised beyond doubt, the more so the longer it was.
+    What is said of the target counts its motion and another model too (`confidence`,
+    `absent_frames`), and whoever wants fewer wrong boxes, or fewer frames without one, says from
+    which confidence on it's there. One that was lost for long has to be recognised beyond doubt,
+    the more so the longer it was, and by the first frame's model: the live one has learned
+    something else by then, to which it answers as sharply.
     What a tracker does goes by the look alone, and by even odds (`unseen_frames`): whoever
     searches elsewhere because the target rests loses more than is found.
     """
 
     def __init__(self) -> None:
-        self._evidence = self._said = _CLEAR
+        self._evidence = self._recognised = self._said = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
         """The confidence from which on the target is said to be there."""
@@ -190,19 +195,30 @@ class PresenceDetector:
         return unknown_covariance(max(center_error, doubted), max(size_error, doubted), area,
                                   self.absent_frames)
 
-    def judge(self, similarity: float, sharpness: float, dt: float,
-              elsewhere: bool = False, motion: float = 0.0) -> None:
+    @property
+    def doubts(self) -> bool:
+        """Tell whether the target was lost for so long that it has to be recognised."""
+        return self._missed > _LOST_FRAMES
+
+    def judge(self, similarity: float, sharpness: float, dt: float, elsewhere: bool = False,
+              support: float = 0.0, first_sharpness: float | None = None) -> None:
         """
         Take in one more frame's similarity to the initial template, and its sharpness.
 
-        `motion` is what the target's motion adds to the evidence. To what is seen at another
-        place, `elsewhere`, the last frames' mean nothing.
+        `support` is what else adds to the evidence; `first_sharpness` that of the first frame's
+        model, where it `doubts`. To what is seen at another place, `elsewhere`, the last frames'
+        mean nothing.
         """
-        latest = evidence(similarity, sharpness)
-        if self._falls(similarity, dt, elsewhere):
-            latest -= _FALL_WEIGHT
-        self._evidence = latest if elsewhere else self._averaged(latest)
-        self._said = self._evidence + (0.0 if elsewhere else motion)
+        fallen = _FALL_WEIGHT * self._falls(similarity, dt, elsewhere)
+        latest = evidence(similarity, sharpness) - fallen
+        recognised = latest
+        if first_sharpness is not None:
+            recognised = evidence(similarity, first_sharpness) - fallen
+        if not elsewhere:
+            latest = _averaged(self._evidence, latest)
+            recognised = _averaged(self._recognised, recognised)
+        self._evidence, self._recognised = latest, recognised
+        self._said = recognised + (0.0 if elsewhere else support)
         doubt = self._doubt
         if self._said >= (doubt + _RECOGNISED if doubt else _SEEN):
             self._missed, doubt = 0, 0.0
@@ -215,17 +231,12 @@ class PresenceDetector:
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the target is present beyond doubt if that's what the next frame says."""
-        return self._averaged(evidence(similarity, sharpness)) > _SURE
+        return _averaged(self._evidence, evidence(similarity, sharpness)) > _SURE
 
     @property
     def _doubt(self) -> float:
         """Return by how much the logarithm of the odds is lower than that of what's seen."""
         return min(math.log(max(self._missed / _LOST_FRAMES, 1.0)), _MOST_DOUBT)
-
-    def _averaged(self, latest: float) -> float:
-        """Return the evidence after one more frame's."""
-        before = min(max(self._evidence, -_CLEAR), _CLEAR)
-        return before + _EVIDENCE_RATE * (latest - before)
 
     def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
         """Tell whether the similarity has fallen abruptly, and not recovered since."""
@@ -242,6 +253,17 @@ def evidence(similarity: float, sharpness: float) -> float:
     """Return the logarithm of the odds that one frame gives for the target's presence."""
     return (_SHARPNESS_WEIGHT * math.log(max(sharpness, _LEAST_SHARPNESS))
             + _SIMILARITY_WEIGHT * math.log(max(similarity, _LEAST_SIMILARITY)) + _INTERCEPT)
+
+
+def _averaged(before: float, latest: float) -> float:
+    """Return the evidence after one more frame's."""
+    before = min(max(before, -_CLEAR), _CLEAR)
+    return before + _EVIDENCE_RATE * (latest - before)
+
+
+def support_of(similarity: float) -> float:
+    """Return what another model's similarity, at its place, adds to the evidence: 0 at most."""
+    return min(math.log(max(similarity, _LEAST_SIMILARITY) / _UNLIKE), 0.0)
 
 
 def logistic(value: float) -> float:
