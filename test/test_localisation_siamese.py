@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 import re
 
 import cv2
 from drawn_card import DrawnCard
-from drawn_video import box_at, DrawnVideo, START, straight, TARGET
+from drawn_video import box_at, DrawnVideo, START, straight, TARGET, texture
 import numpy as np
 import pytest
 from siamese_files import network_files, write_backbone, write_head
@@ -162,6 +163,27 @@ def test_an_absent_target_is_missed_and_found_again(siamese):
         estimate = tracker.update(video.frame(START))
     assert estimate.state is TrackState.TRACKING
     assert estimate.box.iou(box_at(START)) > 0.5
+
+
+def test_what_is_a_fifth_like_the_target_is_not_said_to_be_it(siamese):
+    """A network answers to it as well; what's six tenths like it may be the target, changed."""
+    left, top = (int(place - side / 2) for place, side in zip(START, TARGET))
+    place = slice(top, top + TARGET[1]), slice(left, left + TARGET[0])
+    other = texture(
+        TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8,
+        np.random.default_rng(7))
+    said = []
+    for seed, share in product(range(4), (0.2, 0.6)):
+        video, tracker = DrawnVideo(seed=seed), create_tracker('gmpf', seed=1, **siamese)
+        tracker.start(video.frame(START), box_at(START))
+        for _ in range(8):
+            tracker.update(video.frame(START))
+        frame = video.frame(START, noise=0.0)
+        frame[place] = share * frame[place] + (1 - share) * other
+        for _ in range(6):
+            estimate = tracker.update(frame)
+        said.append(estimate.measured)
+    assert sum(said[::2]) <= 1 and all(said[1::2])
 
 
 @pytest.mark.parametrize('name', FILTERS)

@@ -20,7 +20,7 @@ from vtrack_ros.localisation.presence import ALWAYS_GOOD, support_of
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import inside, Step
-from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser
+from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser, SUPPORT
 from vtrack_ros.tracker import Estimate
 
 #: Weight of the latest frame in the running mean of a model's similarity.
@@ -197,7 +197,7 @@ class Hypotheses:
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
         distractors = found.distractors if self.unseen_frames <= HIDING else ()
-        support = 0.0 if self.network else support_of(self._other.similarity)
+        support = SUPPORT if self.network else support_of(self._other.similarity)
         elsewhere = self._leader.update(
             frame, found.response, found.place, dt, support=found.motion + support,
             distractors=distractors, rival=found.rival)

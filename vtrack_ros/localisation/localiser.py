@@ -180,7 +180,7 @@ class Localiser:
                 self._global.restart(sighting.similarity, before.usual_similarity, lost)
                 self.restarted, elsewhere, sharpness = True, True, sighting.sharpness
         first = None
-        if self._presence.doubts and self._live.model.LEARNS and not elsewhere:
+        if self._presence.doubts and not elsewhere:
             first = ResponseMap(self._window, self._first_model.response(self._window)).sharpness
         self._presence.judge(self._similarity, sharpness, dt, elsewhere, support, first)
         return elsewhere

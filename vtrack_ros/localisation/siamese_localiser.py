@@ -27,6 +27,8 @@ _LIKELIEST, _LEAST = 16, 1e-6
 _CHANGE = 0.148
 #: Puts the product of similarity and response on the scale of a similarity.
 _CREDIBLE = 1.75
+#: What that a network sees a target adds to the evidence: it answers as well to what it isn't.
+SUPPORT = -1.5
 #: How fast the size follows the network's boxes, in a frame's time.
 _SIZE_RATE = 0.35
 #: The network's box in the first frame is corrected by at most that share of its size.
@@ -192,7 +194,7 @@ class SiameseLocaliser(Localiser):
                 before * (found / before)**rate
                 for before, found in zip(size, response.box_at(center)[2:].tolist()))
             size = self._bounded((width, height))
-        window = live.model.layout.window(frame, center, size)
+        self._window = window = live.model.layout.window(frame, center, size)
         self._verify(window, center, response)
         assert isinstance(live.model, SiameseModel)
         return replace(live, model=live.model.seen(self._similarity), center=center, size=size,
