@@ -27,7 +27,7 @@ _LIKELIEST, _LEAST = 16, 1e-6
 _CHANGE = 0.148
 #: Puts the product of similarity and response on the scale of a similarity.
 _CREDIBLE = 1.75
-#: What that a network sees a target adds to the evidence: it answers as well to what it isn't.
+#: What is added to a network's evidence for a target: it answers to what isn't one, too.
 SUPPORT = -1.5
 #: How fast the size follows the network's boxes, in a frame's time.
 _SIZE_RATE = 0.35
