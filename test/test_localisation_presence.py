@@ -87,7 +87,7 @@ def test_who_was_lost_for_long_is_recognised_by_the_first_frames_model():
             presence.judge(0.15, 8.0, 1.0, first_sharpness=first_sharpness)
         return presence
     learned, target = found(2.5), found(8.0)
-    assert learned.doubts and learned.absent_frames > 0.5 > learned.confidence
+    assert learned.doubts and learned.absent_frames > 0 and learned.confidence < 0.5
     assert not target.doubts and target.absent_frames == 0 and target.confidence > 0.8
     # what it does meanwhile goes by the live model
     assert learned.unseen_frames == target.unseen_frames == 0

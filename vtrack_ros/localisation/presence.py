@@ -236,7 +236,7 @@ class PresenceDetector:
     @property
     def _doubt(self) -> float:
         """Return by how much the logarithm of the odds is lower than that of what's seen."""
-        return min(math.log(max(self._missed / _LOST_FRAMES, 1.0)), _MOST_DOUBT)
+        return min(math.log(self._missed / _LOST_FRAMES), _MOST_DOUBT) if self.doubts else 0.0
 
     def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
         """Tell whether the similarity has fallen abruptly, and not recovered since."""
