@@ -14,6 +14,8 @@ from vtrack_ros.geometry import Box
 SIZE = (320, 240)
 TARGET = (48, 40)
 START = (140.0, 110.0)
+#: The target's colours, BGR.
+COLOURS = [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)]
 #: More noise than an image needs, of three channels and deviation 1: each image has another part
 #: of it, for drawing it takes longer than all else here.
 NOISE = np.random.default_rng(1).standard_normal((SIZE[1] + 64, SIZE[0] + 64, 3), np.float32)
@@ -44,8 +46,7 @@ class DrawnVideo:
         self._background = texture(
             SIZE[::-1], [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)], blob,
             rng)
-        self._target = texture(
-            TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8, rng)
+        self._target = texture(TARGET[::-1], COLOURS, 8, rng)
         self._rng = rng
 
     def frame(self, center: tuple[float, float] | None, noise: float = 2.0) -> Frame:
@@ -68,6 +69,20 @@ class DrawnVideo:
 def box_at(center: tuple[float, float]) -> Box:
     """Return the target's true box."""
     return Box.from_center(*center, *TARGET)
+
+
+def region_at(center: tuple[float, float]) -> tuple[slice, slice]:
+    """Return the rows and columns of an image that the target has."""
+    left, top = (int(place - side / 2) for place, side in zip(center, TARGET))
+    return slice(top, top + TARGET[1]), slice(left, left + TARGET[0])
+
+
+def look_alike(video: DrawnVideo, center: tuple[float, float],
+               share: float) -> NDArray[np.float64]:
+    """Return what is so far the target in its region, and for the rest another of its colours."""
+    other = texture(TARGET[::-1], COLOURS, 8, np.random.default_rng(7))
+    target = video.frame(center, noise=0.0)[region_at(center)]
+    return share * target + (1 - share) * other
 
 
 def straight(steps: int, velocity: tuple[float, float]) -> list[tuple[float, float]]:

@@ -1,7 +1,7 @@
 """How a target moved between two frames, and grew, by the flow of its points."""
 
 import cv2
-from drawn_video import DrawnVideo, SIZE, START, TARGET, texture
+from drawn_video import DrawnVideo, region_at, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
 
@@ -71,9 +71,7 @@ def test_who_only_moves_or_hardly_grows_is_left_as_it_is():
 def test_what_is_behind_the_target_says_little():
     """The ground grows about it by six per cent; points near the border see some of it."""
     frame, grown = zoomed(1.0), zoomed(1.06)
-    left, top = (round(place - side / 2) for place, side in zip(START, TARGET))
-    grown[top:top + TARGET[1], left:left + TARGET[0]] = (
-        frame[top:top + TARGET[1], left:left + TARGET[0]])
+    grown[region_at(START)] = frame[region_at(START)]
     assert (growth(frame, grown) or 1.0) < 1.03
 
 

@@ -3,7 +3,7 @@
 from functools import lru_cache
 import math
 
-from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
+from drawn_video import box_at, COLOURS, DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
 
@@ -235,8 +235,7 @@ def changed(seed, frames, changing, most, double_at):
     rng = np.random.default_rng(seed)
     ground = texture(SIZE[::-1], [(90, 110, 90), (130, 130, 120), (140, 150, 150)], 12, rng)
     first, last = (texture(TARGET[::-1], colours, 8, rng).astype(np.float32) for colours in (
-        [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)],
-        [(200, 30, 30), (40, 40, 90), (0, 220, 255)]))
+        COLOURS, [(200, 30, 30), (40, 40, 90), (0, 220, 255)]))
     box, (width, height) = Box(100, 100, *TARGET), TARGET
     images = []
     for index in range(frames):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drawn_video import DrawnVideo, TARGET, texture
+from drawn_video import DrawnVideo, region_at, TARGET, texture
 import numpy as np
 import pytest
 
@@ -146,9 +146,8 @@ def test_a_localiser_that_learned_something_else_finds_its_target():
     both, alone = VIDEO.frame(HERE), VIDEO.frame(HERE)
     other = texture(
         TARGET[::-1], [(200, 30, 20), (90, 200, 90), (220, 160, 40)], 8, np.random.default_rng(7))
-    left, top = (int(place - side / 2) for place, side in zip(ELSEWHERE, TARGET))
     for image in (both, alone):
-        image[top:top + TARGET[1], left:left + TARGET[0]] = other
+        image[region_at(ELSEWHERE)] = other
     alone[:120] = VIDEO.frame(None)[:120]
     localiser, wrong = (Localiser(both, place, TARGET, np.random.default_rng(1))
                         for place in (HERE, ELSEWHERE))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import cv2
-from drawn_video import texture
+from drawn_video import COLOURS, texture
 import numpy as np
 import pytest
 
@@ -17,8 +17,7 @@ SIDE = LAYOUT.columns * LAYOUT.SAMPLES
 SIZE = (SIDE / LAYOUT.reach[0], SIDE / LAYOUT.reach[1])
 HERE = (200.0, 160.0)
 AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]
-FRAME = texture((320, 400), [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 12,
-                np.random.default_rng(3))
+FRAME = texture((320, 400), COLOURS, 12, np.random.default_rng(3))
 
 
 @pytest.mark.parametrize('channels', [3, 1])

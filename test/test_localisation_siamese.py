@@ -9,7 +9,7 @@ import re
 
 import cv2
 from drawn_card import DrawnCard
-from drawn_video import box_at, DrawnVideo, START, straight, TARGET, texture
+from drawn_video import box_at, DrawnVideo, look_alike, region_at, START, straight, TARGET
 import numpy as np
 import pytest
 from siamese_files import network_files, write_backbone, write_head
@@ -167,11 +167,6 @@ def test_an_absent_target_is_missed_and_found_again(siamese):
 
 def test_what_is_a_fifth_like_the_target_is_not_said_to_be_it(siamese):
     """A network answers to it as well; what's six tenths like it may be the target, changed."""
-    left, top = (int(place - side / 2) for place, side in zip(START, TARGET))
-    place = slice(top, top + TARGET[1]), slice(left, left + TARGET[0])
-    other = texture(
-        TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8,
-        np.random.default_rng(7))
     said = []
     for seed, share in product(range(4), (0.2, 0.6)):
         video, tracker = DrawnVideo(seed=seed), create_tracker('gmpf', seed=1, **siamese)
@@ -179,7 +174,7 @@ def test_what_is_a_fifth_like_the_target_is_not_said_to_be_it(siamese):
         for _ in range(8):
             tracker.update(video.frame(START))
         frame = video.frame(START, noise=0.0)
-        frame[place] = share * frame[place] + (1 - share) * other
+        frame[region_at(START)] = look_alike(video, START, share)
         for _ in range(6):
             estimate = tracker.update(frame)
         said.append(estimate.measured)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import cv2
-from drawn_video import noise_part, SIZE, texture
+from drawn_video import COLOURS, noise_part, SIZE, texture
 import numpy as np
 import pytest
 
@@ -19,8 +19,7 @@ def approach():
     rng = np.random.default_rng(3)
     ground = texture(
         (960, 1280), [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)], 40, rng)
-    ground[390:570, 550:730] = texture(
-        (180, 180), [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 30, rng)
+    ground[390:570, 550:730] = texture((180, 180), COLOURS, 30, rng)
     levels = [ground]
     while len(levels) < 5:
         levels.append(cv2.pyrDown(levels[-1]))

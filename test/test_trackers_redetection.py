@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from itertools import product
 
-from drawn_video import box_at, DrawnVideo, TARGET, texture
+from drawn_video import box_at, DrawnVideo, look_alike, region_at, TARGET, texture
 import numpy as np
 import pytest
 
@@ -138,16 +138,11 @@ def test_a_target_that_was_hidden_for_a_second_is_found_at_once(name, offset):
 def test_a_look_alike_is_left_when_the_target_comes_back(name):
     """It was taken for the target while that was hidden, and has its colours and much of it."""
     video, here, there = DrawnVideo(seed=4, blob=60), (80.0, 80.0), (250.0, 180.0)
-    left, top = (int(place - side / 2) for place, side in zip(there, TARGET))
-    place = slice(top, top + TARGET[1]), slice(left, left + TARGET[0])
-    other = texture(
-        TARGET[::-1], [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)], 8,
-        np.random.default_rng(7))
-    alike = 0.7 * video.frame(there, noise=0.0)[place] + 0.3 * other
+    alike = look_alike(video, there, 0.7)
 
     def frame(center):
         image = video.frame(center)
-        image[place] = alike
+        image[region_at(there)] = alike
         return image
 
     tracker = create_tracker(name, seed=0)
