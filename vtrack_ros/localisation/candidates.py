@@ -1,4 +1,4 @@
-"""Candidates for the target's place: the maxima of response maps, and what is found of them."""
+"""Candidates for the target's place: the maxima of response maps, and a search's result."""
 
 from dataclasses import dataclass
 import math
@@ -10,9 +10,9 @@ import numpy as np
 from vtrack_ros.frame import Point
 from vtrack_ros.localisation.response_map import ResponseMap
 
-#: As many are told apart at most: a flat response has thousands.
+#: Largest number of distinct maxima: a flat response has thousands.
 _MOST = 50
-#: A cell and those about it.
+#: A cell and its eight neighbours.
 _NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 #: A maximum of a response: its place, in pixels, the response, and its value there.
@@ -22,12 +22,12 @@ Maximum: TypeAlias = tuple[Point, ResponseMap, float]
 @dataclass(frozen=True)
 class Found:
     """
-    What a search brought: the response in the best window, and the target's place, in pixels.
+    The result of a search: the response in the best window, and the target's place, in pixels.
 
     The `distractors` are the places, in pixels, of those so near that only motion tells which one
-    is the target; `hidden` tells that the place is only where it's expected, for one of them is
-    there. The `rival` is the highest maximum elsewhere that could have been it, in pixels.
-    `motion` is what the target's motion to its place adds to the evidence for its presence.
+    is the target; `hidden` tells that one of them hides the target, so that the place is only the
+    expected one. The `rival` is the highest maximum that was not chosen, in pixels. `motion` is
+    what the target's motion to its place adds to the log-odds of its presence.
     """
 
     response: ResponseMap
@@ -39,13 +39,13 @@ class Found:
 
 
 def strong(every: list[Maximum], share: float) -> list[Maximum]:
-    """Return those maxima, the highest first, of at least that share of the highest."""
+    """Return the maxima, sorted from the highest, with at least that share of the highest."""
     least = share_of(every[0][2], share)
     return [each for each in every if each[2] >= least]
 
 
 def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
-    """Return those maxima, the highest first, that are further than that from all higher ones."""
+    """Return the maxima, sorted from the highest, further than `apart` from all higher ones."""
     found: list[Maximum] = []
     for each in every:
         # a generator in `all` takes twice as long

@@ -1,4 +1,4 @@
-"""Other things that look like the target, followed so that none of them is taken for it."""
+"""Distractors: look-alikes of the target, followed so that none of them is taken for it."""
 
 from __future__ import annotations
 
@@ -9,37 +9,39 @@ import math
 from vtrack_ros.frame import Point
 from vtrack_ros.localisation.running_means import mean_velocity
 
-#: A maximum of the response begins a distractor further than that from the target, in sides.
+#: Distance from the target, [sides], above which a maximum of the response begins a distractor.
 _AWAY = 0.4
-#: What is found nearer than that to where one is expected, in sides, is the distractor.
+#: Gate of association: distance from a distractor's expected place, [sides], within which a
+#: maximum is taken for it.
 AT = 0.3
-#: For so many frames at most one hides a target that isn't seen beside it.
+#: Longest time, [frames], for which a target not seen beside a distractor counts as hidden by it.
 HIDING = 12
 #: Weight of the latest step in a velocity.
 _VELOCITY_RATE = 0.5
-#: A distractor is compared with the target when it has been found in so many frames, and again
-#: after as many; it looks like it from this share of the target's usual similarity on.
+#: Number of frames in which a distractor has to be found before it's compared with the target, and
+#: before it's compared again; share of the target's usual similarity from which it's a look-alike.
 _KNOWN, _ALIKE = 2, 0.6
-#: It's forgotten when it hasn't been found for so many frames in which it wasn't at the target's
-#: own place; before it's known, after one.
+#: Longest time, [frames], for which a distractor is kept without being found; it doesn't count
+#: where it's expected at the target's own place. One frame until it was found `_KNOWN` times.
 _FORGOTTEN = 12
-#: As many are followed at most.
+#: Largest number of distractors that are followed.
 _MOST = 20
 
 
 def is_distractor(place: Point, distractors: Sequence[Point], side: float) -> bool:
-    """Tell whether what was found at a place, [px], is one of those, by a target of that side."""
+    """Tell whether a place, [px], is at a distractor: within `AT` times the target's side."""
     return any(math.dist(place, one) < AT * side for one in distractors)
 
 
 @dataclass(frozen=True)
 class Distractor:
     """
-    Something that the model answers to beside the target.
+    Something that the model responds to besides the target.
 
-    Its place is in pixels, its velocity in pixels a frame. It was found in so many `frames`, and
-    wasn't for a time of `unseen`, where it would be; `likeness` is the most that it was like the
-    target when compared.
+    Its place is in pixels, its velocity in pixels a frame. `frames` is the number of frames in
+    which it was found, `compared` that number at its last comparison; `unseen` the time, [frames],
+    for which it hasn't been found where it would be seen; `likeness` the highest likeness to the
+    target in any comparison.
     """
 
     place: Point
@@ -62,10 +64,10 @@ class Distractor:
 
 class Distractors:
     """
-    What the model answers to beside the target, followed from frame to frame.
+    What the model responds to besides the target, followed from frame to frame.
 
-    Something seen at the same time as the target, elsewhere, isn't it, and still isn't when the
-    two have met: no look tells a target from its double then, but where each one was going does.
+    Something seen elsewhere at the same time as the target isn't the target, and still isn't when
+    the two have met: then appearance can't tell a target from its double, but their motion can.
     Most maxima are of things that the target isn't mistaken for, and come and go, so only what's
     about as similar to the initial template as the target itself counts.
     """
@@ -74,16 +76,16 @@ class Distractors:
         self._known: list[Distractor] = []
 
     def near(self, place: Point, reach: float, dt: float) -> list[Point]:
-        """Return where those that look like the target are after `dt`, within reach, [px]."""
+        """Return where look-alikes are expected after `dt`, within reach of a place, [px]."""
         expected = [one.expected(dt) for one in self._known if one.likeness >= _ALIKE]
         return [one for one in expected if math.dist(one, place) < reach]
 
     def forget(self, place: Point, reach: float, dt: float) -> None:
-        """Forget those that are within reach of a place, [px], after `dt`."""
+        """Forget those that are expected within reach of a place, [px], after `dt`."""
         self._known = [one for one in self._known if math.dist(one.expected(dt), place) >= reach]
 
     def update(self, maxima: Iterable[Point], target: Point, side: float, dt: float) -> None:
-        """Go on by `dt` to the response's maxima, in pixels, beside a target of that side."""
+        """Associate all with the maxima found after `dt`, [px]; begin new ones at the rest."""
         left, known = list(maxima), []
         for one in self._known:
             expected = one.expected(dt)
@@ -102,10 +104,10 @@ class Distractors:
     def compare(self, target: Point, side: float,
                 likeness: Callable[[Point], float]) -> None:
         """
-        Compare one of them with the target: the next one to it, in pixels, of those it's time for.
+        Compare one of them with the target: of those that are due the nearest to it, in pixels.
 
         `likeness` tells how similar a place is to the initial template, as a share of the target's
-        usual similarity. Too near to it, it's the target that would be seen.
+        usual similarity. Those within `_AWAY` aren't compared: the target itself would be seen.
         """
         due = [one for one in self._known
                if not one.unseen and one.frames >= max(_KNOWN, one.compared + _KNOWN)

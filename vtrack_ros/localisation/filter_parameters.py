@@ -1,16 +1,16 @@
-"""The parameters that a paper's filter has in common with its replica."""
+"""Parameter tables that trackers, or a tracker and the replica of its paper, have in common."""
 
 from vtrack_ros.appearance.siamese_network import check_backbone, check_head
 from vtrack_ros.localisation.presence import DEFAULT_THRESHOLD
 from vtrack_ros.parameters import Parameter, ParameterTable
 
-#: Of everything that localises a target.
+#: Parameters of everything that localises a target.
 PRESENCE = ParameterTable([
     Parameter('confidence_threshold', DEFAULT_THRESHOLD, 'Least confidence with which the target '
               'is said to be tracked, and its pose is published: more of it means fewer wrong '
               'boxes, and more frames without one.', 0.01, 0.99),
 ])
-#: Of every filter on top of a localiser.
+#: Parameters of every filter on top of a localiser.
 LOCALISER = PRESENCE + ParameterTable([
     Parameter('localiser', 'dcf', 'What answers where the target is: correlation filters that '
               'learn it, or a Siamese network, whose two files are needed (docs/localisers.md); '
@@ -20,7 +20,7 @@ LOCALISER = PRESENCE + ParameterTable([
     Parameter('siamese.head', '', "ONNX file of the network's head, likewise; empty: none.",
               check=check_head),
 ])
-#: Of a particle filter over boxes.
+#: Parameters of a particle filter over boxes.
 MOTION = ParameterTable([
     Parameter('particles', 150, 'Number of particles.', 2, 5000),
     Parameter('acceleration', 0.2, 'Standard deviation of the change of velocity a frame, as a '
@@ -35,7 +35,7 @@ WEIGHTING = ParameterTable([
               'proposal.', choices=('simplified', 'full')),
 ])
 
-#: Of the particles beside mean shift.
+#: Parameters of the particles that accompany mean shift.
 MEAN_SHIFT_PARTICLES = ParameterTable([
     Parameter('particles', 20, 'Number of particles.', 1, 2000),
     Parameter('accepted', 0.8, 'Similarity th from which mean shift is trusted.', 0.0, 1.0),
@@ -56,7 +56,7 @@ AFFINE_NOISES = ParameterTable(
         ('skew_noise', 0.005, 'change of skew a frame', 0.5),
         ('x_noise', 0.06, "step along x a frame, as a share of the target's mean side", 2.0),
         ('y_noise', 0.06, "step along y a frame, as a share of the target's mean side", 2.0)))
-#: Of a particle filter over affine frames, and its dynamics on the group.
+#: Parameters of a particle filter over affine frames, and of its dynamics on the group.
 AFFINE = ParameterTable([
     Parameter('particles', 400, 'Number of particles.', 2, 5000),
     *AFFINE_NOISES.values(),

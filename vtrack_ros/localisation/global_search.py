@@ -15,27 +15,29 @@ from vtrack_ros.localisation.presence import evidence, InitialTemplate
 from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
-#: What is tracked is doubted while the running mean of its similarity, in which the latest frame
-#: has this weight, is below this level, since that many frames; or when it has failed for longer.
+#: What is tracked is doubted after a time with a low moving average of its similarity, or after a
+#: longer tracking failure: weight of the latest frame, level below which the average is low, and
+#: the two times, [frames].
 _RATE, _DOUBTED, _PATIENCE, _FAILED = 0.05, 0.15, 20.0, 30.0
-#: What was found after a failure is doubted at once, until it has had this share of the similarity
-#: that was usual before.
+#: What was found after a failure is doubted at once, until its recent similarity reaches this
+#: share of the one that was usual before.
 _CONFIRMED = 0.9
-#: Weight of the latest frame in the mean that another place is compared with.
+#: Weight of the latest frame in the recent similarity, which other places are compared with.
 _RECENT_RATE = 0.25
-#: Places searched in a frame.
+#: Places searched in a frame, besides one about where the target was lost.
 _LOOKS = 2
-#: A place is the target's where it's so similar to the initial template, so much more so than what
-#: is tracked, or as much about where it was lost, and so evident; and again within so many frames.
+#: A place is the target's from these values on: similarity to the initial template; its ratio to
+#: that of what is tracked, anywhere, and about where the target was lost; log-odds of presence.
 _LEAST, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
+#: Time, [frames], within which it has to be found there again.
 _CONFIRMING = 5.0
-#: A box that overlaps more than that with what is tracked is no other one.
+#: Overlap (IoU) with the box that is tracked above which a place is the same one.
 _SAME = 0.3
-#: How often it's searched at the size that it had at first; else at the last one beyond doubt.
+#: Probability that the target is searched at its first size; else at the last one not in doubt.
 _FIRST_SIZE = 0.4
-#: Standard deviations of the places about what is tracked, and about where it was lost, in sides;
-#: the others are spread evenly, however many they are, by steps of these shares of the frame: the
-#: golden section of the plane.
+#: Standard deviations, [sides], of the places about what is tracked, and about where it was lost;
+#: steps, as shares of the frame, of a low-discrepancy sequence of all other places: the golden
+#: section of the plane, which spreads any number of them evenly.
 _NEAR, _NEAR_WHERE_LOST, _STEP = 2.5, 1.0, (0.7548776662, 0.5698402910)
 
 
@@ -51,20 +53,21 @@ class Sighting:
 
 class GlobalSearch:
     """
-    Searches the whole frame for the target of the first one, where what is tracked isn't like it.
+    Searches the whole frame for the first frame's target, where what is tracked is unlike it.
 
-    A model that has learned something else answers to that as sharply as to its target before, and
-    re-detection, which goes by the latest models, can't tell. Nor does the initial template, for
-    a target changes its looks. But where something else has been far more like the first look than
-    what is tracked, twice, the target is there. So it is with a look-alike that was found while
-    the target was hidden: and about the place where it was lost, as like is enough, but for what
-    motion has told from the target there.
+    A model that has learned something else responds to that as sharply as to its target before,
+    and re-detection, which uses the latest models, can't tell. Nor can the initial template alone,
+    for a target changes its appearance. But where another place is far more similar to the first
+    frame than what is tracked, and again in a later frame, the target is there. The same holds
+    after re-detection has jumped to a look-alike of an occluded target; about the place where it
+    was lost an equal similarity is enough then, except at the distractors, which motion has told
+    from the target.
     """
 
     def __init__(self, model: TargetModel, template: InitialTemplate, size: Point,
                  rng: np.random.Generator) -> None:
         self._model, self._template, self._first_size = model, template, size
-        # of its own: searching changes nothing for the others who draw
+        # a generator of its own: searching doesn't change what others draw
         self._rng = rng.spawn(1)[0]
         self._size = size
         self._looks = 0
@@ -72,24 +75,24 @@ class GlobalSearch:
 
     def restart(self, similarity: float, usual: float = 0.0, lost: Point | None = None) -> None:
         """
-        Count the target as found, with that similarity to the initial template.
+        Reset: the target was found, with that similarity to the initial template.
 
-        If a failure is over, `usual` is what was usual before it, and `lost` the place then, [px].
+        After a failure, `usual` is the usual similarity before it, and `lost` its place, [px].
         """
         self._mean = self._recent = similarity
-        #: What was found is the target beyond doubt when it has been so similar; 0 from then on.
+        #: Recent similarity from which what was found isn't in doubt any more; 0 from then on.
         self._unconfirmed = _CONFIRMED * usual
         self._lost = lost
         self._doubted = self._failed = 0.0
         self._candidate: Sighting | None = None
         self._waited = 0.0
-        #: By which factor what is looked at has to be more similar than what is tracked.
+        #: Least ratio of the similarity at the place searched to that of what is tracked.
         self._gain = _GAIN
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, failed: bool,
                dt: float, distractors: Sequence[Point] = ()) -> Sighting | None:
         """
-        Return where the target is instead of the live place, or None while that's the best one.
+        Return where the target is instead of the live place, or None if nothing better is found.
 
         `similarity` is the live place's to the initial template, `failed` tells whether tracking
         has failed there. The places of `distractors` near it are in pixels.
@@ -123,9 +126,10 @@ class GlobalSearch:
 
     def _places(self, frame: Frame, live: TargetSnapshot) -> Iterator[tuple[Point, Point, float]]:
         """
-        Return the next places, in pixels, with the size that's looked for there and its `_gain`.
+        Return the next places, in pixels, with the size that's searched there, and its `_gain`.
 
-        About where it was lost, unless it's tracked there; near it and anywhere in turns.
+        One about where the target was lost, unless it's tracked there; the others about what is
+        tracked and anywhere in the frame, in turns.
         """
         height, width = frame.shape[:2]
         if self._lost is not None and not _overlaps(live, self._lost, self._size):
@@ -145,7 +149,7 @@ class GlobalSearch:
 
     def _look(self, frame: Frame, live: TargetSnapshot, place: Point, size: Point, tracked: float,
               distractors: Sequence[Point]) -> Sighting | None:
-        """Return the target as it's seen about a place, in that size, unless it's the live one."""
+        """Return the target as it's seen about a place, in that size, or None if it isn't."""
         response = self._model.localise(frame, place, size)
         center = inside(response.center, frame)
         if _overlaps(live, center, size):
@@ -160,5 +164,5 @@ class GlobalSearch:
 
 
 def _overlaps(live: TargetSnapshot, center: Point, size: Point) -> bool:
-    """Tell whether the live box is about the same place as one of that centre and size, [px]."""
+    """Tell whether the live box overlaps with one of that centre and size, [px]: `_SAME`."""
     return Box.from_center(*center, *size).iou(Box.from_center(*live.center, *live.size)) > _SAME

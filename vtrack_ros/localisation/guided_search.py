@@ -1,4 +1,4 @@
-"""Where to look for the target, and which of the places found is it: by motion and by look."""
+"""Where to search for the target, and the choice among maxima by motion and appearance."""
 
 from dataclasses import replace
 from functools import partial
@@ -19,37 +19,40 @@ from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import mean_velocity
 from vtrack_ros.localisation.search_window import Grid, inside
 
-#: Below this share of the usual response, or after so many frames, more windows are searched.
+#: More windows are searched below this share of the usual response, or where the last frame was
+#: longer ago than this, [frames]; after such a gap distractors aren't considered either.
 _LOW, _LONG = 0.75, 1.5
-#: Windows nearer than that to one that is searched, in sides of the target, aren't searched.
+#: Windows must be further apart than that, [sides of the target], to be searched.
 _APART = 0.4
-#: The windows around, by half windows right and down.
+#: The eight neighbouring windows, by steps of half a window (right, down).
 _AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1) if right or down]
-#: A maximum below this share of the highest one isn't a candidate.
+#: Least share of the highest response that makes a maximum a candidate: of the highest one in its
+#: window, or, if distractors are near, of all.
 _CANDIDATE = 0.6
-#: Maxima nearer to a higher one than that, in sides, are of the same thing.
+#: Maxima nearer to a higher one than that, [sides], are of the same object.
 _DISTINCT = 0.5
-#: As many maxima are looked at, at most: a flat response has thousands.
+#: Largest number of maxima that are considered: a flat response has thousands.
 _MAXIMA = 200
-#: A maximum of this share of the highest one may be a distractor's; nearer to a higher one than
-#: that, in sides, it's of the same thing.
+#: Least share of the highest response that makes a maximum a possible distractor; distance from a
+#: higher one or the target, [sides], within which it's of the same object.
 _DISTRACTING, _APART_FROM = 0.45, 0.2
-#: Distractors as near as that to the target, in sides, may be taken for it; nearer than that one
-#: hides it if only one of them is seen.
+#: Distance from the expected place, [sides], within which a distractor may be taken for the
+#: target; and within which it hides the target if only one maximum is left of both.
 _NEAR, _MEETING = 0.75, 0.35
-#: Growth and rotation are measured in every so manieth frame, in turns with the scale regression,
-#: and in as many frames after one in which the target grew, or turned by more than that, [rad].
+#: Interval [frames] at which growth and rotation are measured by optical flow, halfway between the
+#: scale regression's frames; and number of frames in a row in which they are, after one with
+#: growth or with a turn above the second value, [rad].
 _MEASURED_EVERY, _TURNING = 4, 0.03
-#: Where the target was found further than that from where it's expected, in sides, its points tell
-#: whether it went there.
+#: Distance from the expected place, [sides], above which the place found is checked by the motion
+#: of the target's points; and distance from where they went above which it's replaced by that.
 _FAR = 0.4
-#: Share of the usual response that makes a factor of e in the likelihood.
+#: Increase of the response, as a share of the usual one, that multiplies the likelihood by e.
 _TEMPERATURE = 0.07
-#: After so many frames without one, and in so many first ones, so many maxima, the most probable
-#: ones, are compared with the initial template: the likeness, at least so much, counts with a
-#: power.
+#: Gap [frames] above which, and number of first frames in which, maxima are also compared with the
+#: initial template; number of maxima compared, the most probable ones; lower bound of the
+#: likeness, also used for the others; its exponent in the likelihood.
 _GAP, _NEW, _COMPARED, _UNLIKE, _LOOK = 8, 10, 6, 0.05, 3.0
-#: Weight of the latest step in a velocity, and what is left of it in a frame out of sight.
+#: Weight of the latest step in a velocity; factor of its decay in each frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
 
 
@@ -58,17 +61,17 @@ class GuidedSearch:
     Searches the target where it's expected.
 
     Several forecasts say where: that it stays, goes on with its velocity, moves with the camera,
-    goes on besides that, and what a tracker's own filter says. The window is put at the one with
-    the best record. Where the response is too low there, or time has passed, windows at the others
-    and all around are searched too; where it's low the camera may have been jerked, so its motion
-    is measured again, farther and beside the target. Of the maxima that are found in all of them
-    that one is believed whose response and whose place are the most probable together: the
-    target's double answers as well, but isn't where the target has to be. After a gap, and at
-    first, when that says little, the initial template has a say. Doubles are followed too, and
-    maxima where one of those is expected aren't the target; while one passes before it, it goes on
-    as expected. The flow of the target's own points has a say as well: before it's searched it has
-    grown and turned as they did, and where it would be found far from where it's expected, but
-    they went elsewhere together, it's there.
+    with the camera and a velocity of its own, and that of a tracker's own filter. The window is
+    put at the one with the least mean error. Where the response is too low there, or after a gap,
+    windows at the others and all around are searched too; where it's low, the camera may have been
+    jerked, so its motion is measured again, over a longer range and beside the target. Of the
+    maxima in all windows the one with the highest joint likelihood of response and place is
+    chosen: a distractor may respond as well, but isn't where the target should be. After a gap,
+    and in the first frames, place says little, so similarity to the initial template counts too.
+    Distractors are followed, and maxima where one is expected aren't the target; while one passes
+    in front, the target goes on as forecast. The optical flow of the target's own points is used
+    as well: before the search the target is scaled and turned as they were, and if the place found
+    is far from the expected one, but they went elsewhere together, the target is there.
     """
 
     _found: Found
@@ -76,21 +79,22 @@ class GuidedSearch:
     def __init__(self, frame: Frame, target: Hypotheses) -> None:
         self._target = target
         self._picture = SparsePicture.of(frame)
-        #: Of the target's points in the last frame, if it was seen there; what they did since.
+        #: Optical flow of the target's points from the last frame, if it was seen there; their
+        #: motion since then, once it has been measured.
         self._flow: TargetFlow | None = self._seen_flow()
         self._motion: TargetMotion | None = None
-        #: How many frames there were, and for how many more the points are asked in each.
+        #: Number of frames so far; number of further ones in each of which points are measured.
         self._frames = self._changing = 0
         self._mixture = ForecastMixture()
         self._start = target.center
         self._forecasts: dict[str, Point] = {}
         self._shift: Point | None = None
         self._velocity: Point = (0.0, 0.0)
-        #: That beside the camera's motion.
+        #: The velocity relative to the camera's motion, [px/frame].
         self._own_velocity: Point = (0.0, 0.0)
         self._distractors = Distractors()
         self._evidence = MotionEvidence(self._picture, target.box)
-        #: For so many frames the target has been hidden since a distractor came near.
+        #: Time, [frames], for which the target has been hidden since a distractor came near.
         self._hidden = 0.0
 
     def search(self, frame: Frame, dt: float, own: Point | None = None) -> Found:
@@ -144,7 +148,7 @@ class GuidedSearch:
                 self._own_velocity, self._shift, step, dt, _VELOCITY_RATE)
 
     def _transform(self, frame: Frame, dt: float) -> None:
-        """Let the target grow and turn as its own points do, if no distractor is near."""
+        """Scale and turn the target as its own points tell, if no distractor is near."""
         if not (self._changing or self._frames % _MEASURED_EVERY == _MEASURED_EVERY // 2):
             return
         if self._distractors.near(self._start, _NEAR * self._side, dt):
@@ -159,12 +163,12 @@ class GuidedSearch:
             self._changing = _MEASURED_EVERY
 
     def _seen_flow(self) -> TargetFlow | None:
-        """Return what tells where the target's points go from here, if it's seen here."""
+        """Return the optical flow of the target's points from here, if it's seen here."""
         target = self._target
         return None if target.network is not None or target.unseen_frames else target.flow
 
     def _points(self, frame: Frame) -> TargetMotion | None:
-        """Return what the target's points did since the last frame, if it was seen there."""
+        """Return the motion of the target's points since the last frame, if it was seen."""
         if self._motion is None and self._flow is not None:
             self._motion = self._flow.motion(frame)
         return self._motion
@@ -198,7 +202,7 @@ class GuidedSearch:
         return forecasts
 
     def _along(self, name: str, step: Point | None, dt: float) -> dict[str, Point]:
-        """Return where it's expected with what moved by a step, [px], and besides that."""
+        """Return forecasts by a step, [px], alone, and by the target's own velocity as well."""
         if step is None:
             return {}
         there = _moved(self._start, step)
@@ -206,7 +210,7 @@ class GuidedSearch:
                 f'beside {name}': _moved(there, self._own_velocity, dt)}
 
     def _wider(self, frame: Frame, expected: Point) -> list[ResponseMap]:
-        """Return the responses in more windows: about the other forecasts, and eight around."""
+        """Return the responses in more windows: at the other forecasts, and eight around."""
         target, least = self._target, _APART * self._side
         width, height = (size * reach / 2 for size, reach in zip(target.size, target.reach))
         halves, places = Grid(expected, (width, height), target.angle), [expected]
@@ -269,7 +273,7 @@ class GuidedSearch:
         return Found(response, place, rival=found[0 if chosen else 1][0])
 
     def _follow_distractors(self, frame: Frame, every: list[Maximum], dt: float) -> None:
-        """Follow what else answers than the target."""
+        """Follow the other maxima, which may be distractors, and compare one when due."""
         apart, target, place = _APART_FROM * self._side, self._target, self._found.place
         others = [each[0] for each in distinct(strong(every, _DISTRACTING), apart)
                   if self._found.hidden or math.dist(each[0], place) > apart]

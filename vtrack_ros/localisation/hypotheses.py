@@ -23,23 +23,23 @@ from vtrack_ros.localisation.search_window import inside, Step
 from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser, SUPPORT
 from vtrack_ros.tracker import Estimate
 
-#: Weight of the latest frame in the running mean of a model's similarity.
+#: Weight of the latest comparison in the moving average of each model's similarity.
 _RATE = 1 / 7
-#: The other model takes over when it's so much more similar to what it saw at first, beside what
-#: anything has of it by chance; it starts again beside the leader when it's been so much less
-#: similar for so many frames.
+#: Ratio of mean similarities (the other model's to the leader's) above which the other model takes
+#: over; similarity that anything has by chance, added to both before; ratio (the leader's to the
+#: other's) above which the other restarts beside the leader; least number of frames apart for it.
 _TAKES_OVER, _BY_CHANCE, _GIVES_UP, _APART = 1.15, 0.05, 1.1, 6
-#: While they agree and are sure, the other one is updated after so many frames' time, and one more
-#: where the leader's size was just measured; in each of the first frames, where the target parts
-#: from what was behind it.
+#: Interval [frames] of the other model's updates while both agree and are sure (one more where the
+#: leader's size was just measured); number of first frames in each of which it's updated, because
+#: the target separates from its first background then.
 _PAUSE, _FIRST = 6.5, 30
-#: Boxes that overlap less than that are of different places; the models agree about the target
-#: where they overlap by so much more: a size that drifts away isn't what to begin again with.
+#: Overlap (IoU) of the boxes below which the models are at different places; overlap from which
+#: they agree, so that snapshots are kept for a restart: not one whose size has drifted.
 _TOGETHER, _ALIKE = 0.5, 0.75
-#: The other model stays at its own maximum where that has this share of the highest response: less
-#: is left of it where a double passes in front.
+#: Share of the highest response from which the other model stays at its own local maximum; low, as
+#: a double that passes in front lowers that maximum.
 _LEVEL = 0.5
-#: The least that a similarity is taken for.
+#: Lower bound of the similarities that are averaged.
 _LEAST = 0.01
 
 
@@ -53,7 +53,7 @@ class FirstFrame:
 
     @classmethod
     def of(cls, frame: Frame, center: Point, size: Point) -> FirstFrame:
-        """Copy as much of a frame as is looked at."""
+        """Copy the part of a frame that the models look at."""
         half = SEARCHED / EXEMPLAR * exemplar_side(size) / 2 + 2
         left, top = (max(0, int(place - half)) for place in center)
         right, bottom = (int(place + half) + 1 for place in center)
@@ -62,17 +62,17 @@ class FirstFrame:
 
 class Hypotheses:
     """
-    Localises a target with two models, and believes the one that is more like its first frame.
+    Localises a target with two models; the one that is more similar to its first frame leads.
 
     A filter that's learned with the surroundings tells the target from them best, but where the
     camera follows the target it learns the ground behind it. A filter that sees the target alone
-    can't, but is easily led astray by whatever resembles it. No single one is right everywhere,
-    so both are hypotheses, each with its own place, and the decision is one over time: by the
-    running means of how similar each one's place is to its own initial template. Whoever is wrong
-    for long starts again at the leader's place, with what it knew when they last agreed.
+    can't, but is easily distracted by whatever resembles it. Neither is right everywhere, so both
+    are hypotheses, each with its own place. The decision between them is one over time: by the
+    moving averages of the similarity of each one's place to its own initial template. The one
+    that's wrong for long restarts at the leader's place, as it was when they last agreed.
 
-    A network, where one is given, is the only hypothesis: it doesn't learn what's wrong. It's
-    asked, and told, like a `Localiser`; the leader answers.
+    A network, where one is given, is the only hypothesis: it doesn't learn what's wrong. The
+    interface is that of a `Localiser`; the leader's answers are returned.
     """
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
@@ -82,16 +82,16 @@ class Hypotheses:
         self._begin(frame, center, size, network)
 
     def use(self, network: SiameseNetwork | None) -> None:
-        """Localise the same target, where it is, by a network, or None: by correlation filters."""
+        """Continue with the same target by a network, or, with None, by correlation filters."""
         before, first = self._leader, self._first
         self._begin(first.frame, first.center, first.size, network)
         for each in self._similarities:
             if before.uncertain:
-                # what's usual can't be learned from the next frame: the target may not be in it
+                # usual values can't be learned from the next frame: the target may not be in it
                 each.update(first.frame, each.localise(first.frame, first.center), first.center, 1)
             each.resume(each.snapshot, before)
             if network is None:
-                # a network's box may have another aspect: as large a target is meant
+                # a network's box may have another aspect: keep the area
                 each.transform(math.sqrt(math.prod(before.size) / math.prod(each.size)), 0.0)
         self._latest = before.center
 
@@ -99,7 +99,7 @@ class Hypotheses:
                network: SiameseNetwork | None) -> None:
         """Learn the target from its first frame."""
         self.network = network
-        """What localises the target, if it isn't correlation filters."""
+        """The network that localises the target; None: correlation filters do."""
         if network is None:
             self._leader = Localiser(frame, center, size, self._rng)
             self._other = Localiser(frame, center, size, self._rng, confined=True)
@@ -108,14 +108,14 @@ class Hypotheses:
         self._similarities = {self._leader: 1.0, self._other: 1.0}
         self._agreed = {each: each.snapshot for each in self._similarities}
         self._frames = self._apart = 0
-        #: The leader's place, and the time since, when the other one was updated last.
+        #: The leader's place at the last update of the other model; time since then, [frames].
         self._latest, self._waiting = center, 0.0
-        #: By which factor the size that both agree on is larger than the leader's.
+        #: Ratio of the size that both agree on, their geometric mean, to the leader's.
         self._growth = 1.0
 
     @property
     def more_windows(self) -> int:
-        """Return how many windows may be searched in a frame beside the first one."""
+        """Return how many windows may be searched in a frame besides the first one."""
         return self._leader.MORE_WINDOWS
 
     @property
@@ -130,12 +130,12 @@ class Hypotheses:
 
     @property
     def angle(self) -> float:
-        """Return by how much the target has turned since the first frame, in radians."""
+        """Return the target's rotation since the first frame, in radians."""
         return self._leader.angle
 
     @property
     def box(self) -> Box:
-        """Return the target's bound; while both models agree, of the size between theirs."""
+        """Return the target's bounding box; while both models agree, of their mean size."""
         return Box.around_ellipse(self.center, self._shown_size, self.angle)
 
     @property
@@ -156,20 +156,20 @@ class Hypotheses:
     @property
     def is_followed(self) -> bool:
         """
-        Tell whether forecasts may learn from where the target is: whether it's seen there.
+        Tell whether the target is seen at its place, so that forecasts may learn from it.
 
-        What a network sees while it's searched elsewhere may be something else.
+        What a network sees during a tracking failure may be something else: that doesn't count.
         """
         return not (self.unseen_frames or (self.network is not None and self.uncertain))
 
     @property
     def unseen_frames(self) -> float:
-        """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
+        """Return the time, [frames], since the target was last seen; 0: in the last frame."""
         return self._leader.unseen_frames
 
     @property
     def flow(self) -> TargetFlow:
-        """Return what tells where the target's points go; see `Localiser.flow`."""
+        """Return the optical flow of the target's points; see `Localiser.flow`."""
         return self._leader.flow
 
     def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
@@ -178,21 +178,21 @@ class Hypotheses:
 
     def localise_beside(self, frame: Frame, center: Point,
                         steps: Sequence[Step]) -> list[ResponseMap]:
-        """Return the responses in windows beside that one; see `WindowLayout.windows_beside`."""
+        """Return the responses in neighbouring windows; see `WindowLayout.windows_beside`."""
         return self._leader.snapshot.localise_beside(frame, center, steps)
 
     def likeness(self, frame: Frame, place: Point) -> float:
-        """Return how similar a place, in pixels, is to the target; see `Localiser.likeness`."""
+        """Return a place's relative similarity, in pixels; see `Localiser.likeness`."""
         return self._leader.likeness(frame, place)
 
     def update(self, frame: Frame, found: Found, dt: float) -> bool:
         """
-        Take the place that a tracker decided for; see `Localiser.update`.
+        Update the models with the place that a tracker has chosen; see `Localiser.update`.
 
-        While the target is hidden by a distractor the other model isn't asked: it would follow it.
-        If it has followed one of those near the target, it starts again beside the leader: it goes
-        by the look alone, and motion told which one is the target. Nor does re-detection, which
-        goes by it too, jump to one. But who hasn't been seen for long may be one of them.
+        While a distractor hides the target, the other model isn't updated: it would follow that.
+        If it has followed one near the target, it restarts beside the leader: it uses appearance
+        only, and motion tells which one is the target. Re-detection, also by appearance, doesn't
+        jump to one either. But a target unseen for longer than `HIDING` may be one of them.
 
         Returns whether the target is elsewhere: found again, or where the other model has it.
         """
@@ -212,7 +212,7 @@ class Hypotheses:
             self._growth = 1.0
         self._frames += 1
         self._waiting += dt
-        # no frame should take much longer than the others: the two measure sizes in turns
+        # to balance the load over frames, the two measure sizes in different ones
         if found.hidden or (self._waiting < _PAUSE + self._leader.resized
                             and not self._questionable()):
             return elsewhere
@@ -223,12 +223,12 @@ class Hypotheses:
         return self._decide(distractors) or elsewhere
 
     def require(self, confidence: float) -> None:
-        """Say that the target is there from this confidence on."""
+        """Set the least confidence at which the target is reported as present."""
         for each in self._similarities:
             each.require(confidence)
 
     def transform(self, growth: float, turn: float) -> None:
-        """Take the target for larger by a factor, and turned by an angle more, in radians."""
+        """Scale the target by a factor, and turn it by a further angle, in radians."""
         for each in self._similarities:
             each.transform(growth, turn)
 
@@ -242,12 +242,12 @@ class Hypotheses:
         return self._growth * width, self._growth * height
 
     def _questionable(self) -> bool:
-        """Tell whether the two disagree, or the leader isn't like itself, or they're new."""
+        """Tell whether the two disagree, or the leader's similarity is low, or they're new."""
         return (self._frames <= _FIRST or self._apart > 0
                 or self._leader.similarity < ALWAYS_GOOD)
 
     def _update_other(self, frame: Frame) -> None:
-        """Let the other model follow its own maximum; about the leader's place, if it's near."""
+        """Update the other model at its own maximum; its window moves with a leader nearby."""
         other, leader = self._other, self._leader
         center, before, dt = other.center, self._latest, self._waiting
         self._latest, self._waiting = leader.center, 0.0
@@ -258,11 +258,11 @@ class Hypotheses:
         place = response.local_maximum(center)
         if response.sample_one(place) < _LEVEL * response.peak:
             place = response.center
-        # the leader is what it's found by: two that search each by itself err twice as often
+        # only the leader searches elsewhere: two independent searches err twice as often
         other.update(frame, response, place, dt, search=False)
 
     def _decide(self, distractors: Sequence[Point]) -> bool:
-        """Tell whether the other model takes over; or let it start again at the leader's place."""
+        """Tell whether the other model takes over; it may be restarted beside the leader."""
         leader, other = self._leader, self._other
         overlap = leader.box.iou(other.box)
         self._growth = 1.0
@@ -286,13 +286,13 @@ class Hypotheses:
         return False
 
     def _follows(self, distractors: Sequence[Point]) -> bool:
-        """Tell whether the other model is at a distractor, and farther from the leader."""
+        """Tell whether the other model is at a distractor, nearer to it than to the leader."""
         place, near = self._other.center, AT * math.sqrt(math.prod(self.size))
         nearest = min((math.dist(place, each) for each in distractors), default=math.inf)
         return nearest < min(near, math.dist(place, self.center))
 
     def _start_again(self) -> None:
-        """Let the other model start again beside the leader, with what it knew in agreement."""
+        """Restart the other model beside the leader, from its snapshot when they last agreed."""
         leader, other = self._leader, self._other
         other.resume(self._agreed[other], leader)
         self._similarities[other] = self._similarities[leader] / _GIVES_UP

@@ -1,4 +1,4 @@
-"""Localises one target frame by frame: what every tracker of this package holds."""
+"""Localises one target frame by frame; each tracker of this package holds a localiser."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -23,21 +23,21 @@ from vtrack_ros.localisation.search_window import (
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
 
-#: The scale changes slowly: it's measured and updated in every fourth frame, and in the frame
-#: after one in which it changed by this logarithm; colours in every second one.
+#: Interval [frames] at which the scale is measured and learned, for it changes slowly; change of
+#: scale, |log(growth)|, above which the next frame is measured too; interval of the colours.
 _SCALE_EVERY, _GROWING, _COLOURS_EVERY = 4, 0.04, 2
-#: A target that's beyond question is verified in every second frame, between those with sizes;
-#: it's questionable below this share of the usual response, or if it wasn't always good enough.
+#: Interval [frames] of comparisons with the initial template, in between those of the scale; share
+#: of the usual response below which it's done in any frame (or if `_verify` finds other doubts).
 _VERIFIED_EVERY, _QUESTIONABLE_RESPONSE = 2, 0.85
-#: The least and the largest factor of the first size: what comes near may be tiny at first.
+#: Bounds of the size, as factors of the first size: a target that comes near may be tiny at first.
 SMALLEST, LARGEST = 0.05, 20.0
-#: The least that's usual after the first frame: this share of the response to it, and that
-#: similarity; where a target has darted off in the second frame both are far less.
+#: Lower bounds of the usual values after the first update: response, as a share of the peak in the
+#: first frame, and similarity. Where a target has jumped away by then, both are far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
-#: In every so manieth frame a target that has turned is looked at by other angles, too; weight of
-#: the latest step in its velocity.
+#: Interval [frames] at which a rotated target is also compared at other angles; weight of the
+#: latest step in the moving average of the velocity.
 _TURNED_EVERY, _VELOCITY_RATE = 4, 0.3
-#: The least that the usual similarity is taken for where others are compared with it.
+#: Lower bound of the usual similarity as the divisor of others.
 _LEAST_USUAL = 0.1
 
 
@@ -46,15 +46,15 @@ class Localiser:
     Localises a target in each frame, updates its model, and notices when tracking has failed.
 
     It's made on the first frame, with the target's centre and size in pixels. The generator draws
-    the places that re-detection searches. A `confined` one's filter sees the target alone, in a
-    finer window.
+    the places that re-detection searches. If it's `confined`, its filter's support is the target's
+    box, without the surroundings, in a finer window.
     """
 
-    #: So many windows, beside the first one, may be searched in a frame.
+    #: Largest number of windows searched in a frame besides the first one.
     MORE_WINDOWS: ClassVar[int] = 12
-    #: The least standard deviations of centre and size, as shares of the target's mean side.
+    #: Lower bounds of the standard deviations of centre and size, as shares of the mean side.
     LEAST_ERRORS: ClassVar[tuple[float, float]] = (0.06, 0.08)
-    #: What learns the target; one with cues of its own is named by a subclass.
+    #: Class of the target model; a subclass may name one with cues of its own.
     MODEL: ClassVar[type[TargetModel]] = TargetModel
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
@@ -71,12 +71,12 @@ class Localiser:
         self.resized = False
         """Whether the size was measured in the last update."""
         self._similarity, self._presence = 1.0, PresenceDetector()
-        #: The running mean while it's tracked, [px/frame].
+        #: Moving average, [px/frame]; constant during a tracking failure.
         self._velocity: Point = (0.0, 0.0)
         self._failure: Redetection | None = None
         self._global = GlobalSearch(model, self._template, size, rng)
         self.restarted = False
-        """Whether the last update began again elsewhere, with what was learned first."""
+        """Whether the last update restarted elsewhere, with the model of the first frame."""
 
     @property
     def center(self) -> Point:
@@ -90,12 +90,12 @@ class Localiser:
 
     @property
     def angle(self) -> float:
-        """Return by how much the target has turned since the first frame, in radians."""
+        """Return the target's rotation since the first frame, in radians."""
         return self._live.angle
 
     @property
     def box(self) -> Box:
-        """Return the target's bound."""
+        """Return the target's bounding box."""
         return Box.around_ellipse(self.center, self.size, self.angle)
 
     @property
@@ -115,12 +115,12 @@ class Localiser:
 
     @property
     def unseen_frames(self) -> float:
-        """Return for how many frames the target hasn't been seen; 0 if it was in the last one."""
+        """Return the time, [frames], since the target was last seen; 0: in the last frame."""
         return self._presence.unseen_frames
 
     @property
     def similarity(self) -> float:
-        """Return the place's similarity to the initial template, when it was last verified."""
+        """Return the similarity to the initial template at the last comparison."""
         return self._similarity
 
     @property
@@ -130,11 +130,11 @@ class Localiser:
 
     @property
     def flow(self) -> TargetFlow:
-        """Return what tells where the target's points go from the window that it was seen in."""
+        """Return the optical flow of the target's points, from the window of the last update."""
         return TargetFlow(self._window.grey, self._window.pixels, self.center, self.size)
 
     def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
-        """Return the response about a place, [px], to it turned as now or by an angle, [rad]."""
+        """Return the response about a place, [px], in a window turned as now or by `angle`."""
         return self._live.localise(frame, center, angle)
 
     def likeness(self, frame: Frame, place: Point) -> float:
@@ -146,14 +146,14 @@ class Localiser:
                search: bool = True, support: float = 0.0,
                distractors: Sequence[Point] = (), rival: Point | None = None) -> bool:
         """
-        Take the place that a tracker decided for, update the model there, and judge it.
+        Update the model at the place that a tracker has chosen, and judge presence there.
 
-        After a failure it's searched elsewhere too, unless somebody else does that: where a
-        `rival` answers, but not at the `distractors`, [px]. `support` is what its motion, or
-        another model, adds to the evidence.
+        With `search`, other places are searched too after a failure: the `rival` among them, the
+        `distractors` excluded, [px]. `support`, from motion or another model, is added to the
+        log-odds of presence.
 
-        Returns whether it was found again elsewhere. Else its centre is the given one, or next to
-        it, where it's localised twice near a window's border. It's turned as the window was.
+        Returns whether it was found again elsewhere. Else its centre is the given one, or, if that
+        is off the middle of the window, the maximum near it in another window about it.
         """
         before = self._live
         self._live = self._updated(frame, response, inside(center, frame), dt)
@@ -186,17 +186,17 @@ class Localiser:
         return elsewhere
 
     def require(self, confidence: float) -> None:
-        """Say that the target is there from this confidence on."""
+        """Set the least confidence at which the target is reported as present."""
         self._presence.threshold = confidence
 
     def transform(self, growth: float, turn: float) -> None:
-        """Take the target for larger by a factor, and turned by an angle more, in radians."""
+        """Scale the target by a factor, and turn it by a further angle, in radians."""
         width, height = self._live.size
         self._live = replace(self._live, size=self._bounded((growth * width, growth * height)),
                              turn=math.remainder(self._live.turn + turn, math.tau))
 
     def resume(self, snapshot: TargetSnapshot, beside: 'Localiser') -> None:
-        """Go on, and on searching, from what was known, at another one's place of the target."""
+        """Continue from a snapshot, at another one's place, and with its search and presence."""
         self._live = replace(snapshot, center=beside.center, size=self._bounded(beside.size),
                              turn=beside.angle)
         self._failure = beside._failure and beside._failure.continued(self._live, self._template)
@@ -204,7 +204,7 @@ class Localiser:
         self._presence = copy(beside._presence)
 
     def restart_beside(self, leader: 'Localiser') -> None:
-        """Begin again with what was learned first, at the place of another localiser."""
+        """Restart with the model of the first frame, at the place of another localiser."""
         self._restart(leader.center, leader.size, leader.similarity)
         self._global.restart(leader.similarity)
         self.resume(self._live, leader)
@@ -214,7 +214,7 @@ class Localiser:
         """
         Return the estimate; the size is the target's own where none is given.
 
-        No variance is less than what no filter knows of; see `PresenceDetector.least_covariance`.
+        The variances' lower bounds are those of `PresenceDetector.least_covariance`.
         """
         center, angle, size = self.center, self.angle, size or self.size
         box = Box.around_ellipse(center, size, angle)
@@ -226,7 +226,7 @@ class Localiser:
             particles=particles, affine=transformation(center, size, angle) if angle else None)
 
     def _restart(self, center: Point, size: Point, similarity: float) -> None:
-        """Begin again with what was learned first, at a place so similar to the first one."""
+        """Restart with the first frame's model, at a place with that similarity to it."""
         self._live = replace(self._live, model=self._first_model, center=center, size=size,
                              usual_similarity=similarity, turn=0.0)
         self._similarity, self._failure = similarity, None
@@ -234,7 +234,7 @@ class Localiser:
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
                  dt: float) -> TargetSnapshot:
-        """Return the target updated at a place; verify it there, if it's time for that."""
+        """Return the target updated at a place; compare it with the template if that's due."""
         live, window = self._live, response.window
         model, size = live.model, live.size
         if not (isinstance(window, SearchWindow) and is_centred(window.shift(center))):
@@ -262,7 +262,7 @@ class Localiser:
             live.usual_similarity, turn)
 
     def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:
-        """Ask the initial template about a place, in pixels, if it's time for it."""
+        """Compare a place, in pixels, with the initial template, if that's due."""
         live = self._live
         questionable = (self.uncertain or self._similarity < ALWAYS_GOOD
                         or response.peak < _QUESTIONABLE_RESPONSE * live.usual_response)
@@ -271,7 +271,7 @@ class Localiser:
                 self._template.similarity(window, window.shift(center)), response, center)
 
     def _bounded(self, size: Point) -> Point:
-        """Bound a size, of the first one's aspect: who is out of sight may not drift far."""
+        """Clamp a size, in the first one's aspect; to near the last one while out of sight."""
         width, height = self._first_size
         factor = min(max(size[0] / width, SMALLEST), LARGEST)
         if self._failure is not None and self._presence.unseen_frames:
@@ -281,9 +281,9 @@ class Localiser:
 
     def _judge(self, before: TargetSnapshot, response: ResponseMap, dt: float) -> None:
         """
-        Follow what's usual, or begin to search with a snapshot when tracking has failed.
+        Update the usual values, or, if tracking has failed, start re-detection with a snapshot.
 
-        Who is surely present only looks different; a model that doesn't learn can't be as sure.
+        A target that's surely present only looks different; a model that doesn't learn can't tell.
         """
         peak = response.peak
         if self._frames == 1:

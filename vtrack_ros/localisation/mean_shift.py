@@ -15,8 +15,8 @@ def fuse(zeta: float, climbed: Point, best: Point, near: float, far: float, acce
 
     `zeta` is the similarity at y_ms, the place climbed to; y_pf is the best particle's. They agree
     within the distance `near` (sigma), and are compatible within `far` (sigma a), [px]. From the
-    similarity `accepted` (th) mean shift is trusted, up to `rejected` (r) it isn't at all. None is
-    where the two contradict each other.
+    similarity `accepted` (th) on mean shift is trusted, up to `rejected` (r) it isn't at all.
+    Returns None if the two contradict each other.
     """
     if zeta <= rejected:
         return best
@@ -31,7 +31,7 @@ def fuse(zeta: float, climbed: Point, best: Point, near: float, far: float, acce
 
 
 def climbing_weights(response: NDArray[np.float32]) -> Array:
-    """Return the weights for a climb on a response: what is above its background, cubed."""
+    """Return the weights for a climb on a response: its excess over the mean, cubed."""
     above = np.maximum(response.astype(np.float64) - response.mean(), 0.0)
     return above * above * above
 

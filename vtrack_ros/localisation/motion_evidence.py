@@ -8,41 +8,44 @@ from vtrack_ros.appearance.image_motion import SparsePicture
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.running_means import latest_weight
 
-#: The motion is measured over so many frames, from the first on: not where size and flow are.
+#: Interval [frames] over which motion is measured, from the first frame on: not in the frames that
+#: measure size or flow.
 _EVERY = 2
-#: A speed is told from rest from this on, [sides a frame], and no faster than that; the weights of
-#: a frame in the running means, recent and usual, and after how many frames those are known.
+#: Offset of the speed before its logarithm, [sides a frame]: speeds well below it count as rest;
+#: upper clamp of the speed.
 _LEAST_SPEED, _LARGEST_SPEED = 0.004, 0.5
+#: Weights per frame in the moving averages of log(speed), recent and usual; number of frames of
+#: motion after which those are known.
 _RECENT_RATE, _USUAL_RATE, _FIRST_FRAMES = 1 / 8, 1 / 40, 5
-#: What the usual speed adds to the evidence; what a logarithm less, and one more, takes off, each
-#: for so much at most.
+#: Log-odds: added at the usual speed; subtracted per unit of log(speed) below it (rest), and above
+#: it (haste). Upper clamp of that difference of log(speed).
 _AS_USUAL, _REST_WEIGHT, _HASTE_WEIGHT, _LARGEST_CHANGE = 0.4, 3.0, 0.75, 0.7
 
 
 class MotionEvidence:
     """
-    Compares how fast a target moves over the ground with how fast it did.
+    Compares a target's recent speed over the ground with its usual one.
 
-    A tracker that has lost its target often stays where that was, and moves with the ground as the
-    target didn't: look and sharpness don't tell, for what's there it has learned. Or it strays
-    over what resembles the target, faster than that ever was. Speeds are compared by their
-    logarithms. A target that has rested for long rests as usual.
+    A tracker that has lost its target often stays where that was, and moves with the ground, which
+    the target didn't: similarity and sharpness don't tell, for it has learned what's there. Or it
+    strays over what resembles the target, faster than that ever was. Speeds are compared by their
+    logarithms. For a target that has rested for long, rest is usual.
     """
 
     def __init__(self, picture: SparsePicture, target: Box) -> None:
-        #: The ground as it was seen last, where the target was then, and how many frames since.
+        #: The picture of the last measurement, the target's box in it, and the time since then.
         self._picture = picture
         self._before: Box | None = target
         self._since = 0.0
         self._waiting = _EVERY - 1
-        #: Frames with a known motion, and the means of the logarithm of their speed.
+        #: Time, [frames], with a measured motion; the moving averages of log(speed).
         self._frames = self._recent = self._usual = 0.0
 
     def update(self, picture: SparsePicture, target: Box, dt: float) -> float:
         """
-        Return what is added to the logarithm of the odds for the target's presence.
+        Return what is added to the log-odds of the target's presence.
 
-        It's in that box of this frame, `dt` after the last one.
+        `target` is its box in this frame, `dt` after the last one.
         """
         self._since += dt
         self._waiting += 1
@@ -58,11 +61,11 @@ class MotionEvidence:
         return self._value
 
     def restart(self) -> None:
-        """Begin again with a target that is found elsewhere: it moves as usual."""
+        """Restart with a target that is found elsewhere: its recent speed is the usual one."""
         self._before, self._recent = None, self._usual
 
     def _learn(self, speed: float, dt: float) -> None:
-        """Take in a speed over the ground, [sides a frame]."""
+        """Update the averages with a speed over the ground, [sides a frame]."""
         value = math.log(_LEAST_SPEED + min(speed, _LARGEST_SPEED))
         self._frames += dt
         self._recent += latest_weight(_RECENT_RATE, dt, self._frames) * (value - self._recent)

@@ -15,72 +15,76 @@ from vtrack_ros.localisation.search_window import SearchWindow
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 from vtrack_ros.tracker import TrackState
 
-#: Similarity of the first frame itself. A filter that sees the target alone answers more to
-#: anything than one that sees the surroundings too; with this weight the two are on one scale.
+#: Similarity of the first frame to itself: the peak that the filter of the target alone is scaled
+#: to, as it responds more to anything than one that sees the surroundings too.
 _PART_WEIGHT = 0.75
-#: The least that the response of the target alone to itself is taken for: where there is less,
-#: nothing is to be recognised, and it has to stay little.
+#: Lower bound of that filter's peak response to its own example, which it's divided by: a target
+#: with less can't be recognised, so its similarity has to stay low.
 _LEAST_PART = 0.1
-#: Power of the colours' share, and the least that it's taken for: light takes all colours away.
+#: Exponent, in the similarity, of a place's share of the target's colours; lower bound of that
+#: share, for a change of light can take all colours away.
 _COLOUR_POWER, _LEAST_COLOUR = 0.25, 0.3
 
-#: A target that has turned by more than this, [rad], stands upright where it has that share of the
-#: similarity that it has as it's turned, and a step further where it has so many times as much.
+#: Rotation, [rad], from which on other angles are compared; the target is taken to be upright if
+#: its similarity is then above this share of that at the present angle.
 _ANCHORED, _UPRIGHT = 0.1, 0.9
+#: Else: step to both neighbouring angles, [rad]; ratio of similarities above which one is taken.
 _STEP, _BETTER = 0.1, 1.05
 
-#: Tracking fails when the response falls below this share of the usual one, or the similarity
-#: below its share (or below a level that is trusted in every target).
+#: Tracking fails when the response falls below this share of the usual one; or the similarity
+#: below the lower of a share of the usual one and a level that's good enough for every target.
 _FAILED_RESPONSE = 0.7
 _FAILED_SIMILARITY, ALWAYS_GOOD = 0.6, 0.15
 #: Similarity to the initial template below which a place speaks against the target.
 EVEN_SIMILARITY = 0.085
-#: A logistic regression on real videos, under stress too: weights of the logarithms of sharpness
-#: and similarity, the intercept, and the least of each.
+#: Logistic regression for presence, fitted to real videos, under stress too: weights of
+#: log(sharpness) and log(similarity), the intercept; lower bounds of sharpness and similarity.
 _SHARPNESS_WEIGHT, _SIMILARITY_WEIGHT, _INTERCEPT = 2.4, 1.9, 1.65
 _LEAST_SHARPNESS, _LEAST_SIMILARITY = 0.1, 0.01
-#: Who turns changes by and by, who is hidden at once: logarithms of the similarity so far below
-#: their running mean, of that weight of the latest frame, are an abrupt fall, until they are
-#: within so much of it again; and what it takes off the evidence.
+#: A target that turns changes gradually, one that's occluded abruptly. Hysteresis of a fall: it
+#: begins where log(similarity) is more than the first value below its moving average, and ends
+#: within the second; weight of the latest frame in the average. Log-odds that a fall subtracts.
 _FALL, _RECOVERED, _USUAL_RATE = 0.9, 0.45, 0.05
 _FALL_WEIGHT = 1.0
-#: Another model that is less similar to its own initial template than that speaks against the
-#: target, by the logarithm of the ratio.
+#: Similarity of another model to its own initial template below which it's evidence against the
+#: target: the logarithm of their ratio is added to the log-odds.
 _UNLIKE = 0.07
-#: Tracking hasn't failed where the evidence for the target is more than that.
+#: Log-odds of presence above which tracking hasn't failed, whatever response and similarity are.
 _SURE = 1.0
-#: Weight of the latest frame's evidence; that of those before counts as no clearer than so much.
+#: Exponential smoothing of the evidence: weight of the latest frame, and the bound (+/-, log-odds)
+#: that the smoothed evidence of earlier frames is clipped to.
 _EVIDENCE_RATE, _CLEAR = 0.7, 3.0
-#: The confidence from which on a target is said to be there, if nobody says otherwise.
+#: Default of the parameter `confidence_threshold`, from which on the target is reported present.
 DEFAULT_THRESHOLD = 0.45
-#: A target is lost after more frames out of sight than that.
+#: Frames out of sight after which the state is LOST, and after which the target has to be
+#: recognised: see `_MOST_DOUBT`.
 _LOST_FRAMES = 30
-#: Each frame more without it is one more in which something else may look like it: the odds are
-#: divided by their number, in units of that, up to this logarithm; until they're so much better.
-#: It's a frame without it where they're below those of the default threshold.
+#: Each further frame without the target is one more in which something else may look like it. So
+#: the log-odds are lowered by log(missed frames / `_LOST_FRAMES`), at most by the first value,
+#: until they exceed that penalty by the second: then the count of missed frames is reset.
 _MOST_DOUBT, _RECOGNISED = 1.5, 1.0
+#: Log-odds below which a frame is missed: those of the default threshold.
 _SEEN = math.log(DEFAULT_THRESHOLD / (1 - DEFAULT_THRESHOLD))
-#: Standard deviation of centre and size, as a share of the target's mean side, where it's as
-#: likely as not that the target is there.
+#: Standard deviation of centre and size, as a share of the mean side, at even odds of presence.
 _DOUBTED_ERROR = 0.3
-#: Those in the first frame out of sight: by then a tracker often is on something else. On real
-#: videos, with and without painted occluders, nine in ten true centres are within 2.2 sides then,
-#: and 2.1 to 3.6 later.
+#: Standard deviations of centre and size, [mean sides], added in the first frame out of sight: by
+#: then a tracker often is on something else. On real videos, with and without painted occluders,
+#: nine in ten true centres are within 2.2 sides then, and 2.1 to 3.6 later.
 _ABSENT_CENTER, _ABSENT_SIZE = 1.0, 0.3
-#: The variance of the centre grows by as much again in that many frames.
+#: Frames out of sight in which the added variance of the centre grows by `_ABSENT_CENTER` squared.
 _WANDERING_FRAMES = 30
 
 
 @dataclass(frozen=True)
 class InitialTemplate:
     """
-    The verifier: what a target looked like in the first frame.
+    The target's appearance in the first frame, by which places are verified.
 
     The correlation filter of the first frame was learned against the surroundings, so it tells
     the target from them far better than a similarity of features does. But it was learned with
-    them too: where the target stood, they still answer when it has gone. So a place has to satisfy
+    them too: they still respond where the target was, when it has gone. So a place has to satisfy
     both the whole filter and the part of it that sees the target alone (`filters` is both in one),
-    and to have the target's colours: `colour` is its mean foreground probability at first.
+    and to have the target's colours: `colour` is its mean foreground probability in that frame.
     """
 
     filters: CorrelationFilter
@@ -89,7 +93,7 @@ class InitialTemplate:
 
     @classmethod
     def of(cls, model: TargetModel, window: SearchWindow) -> InitialTemplate:
-        """Keep a model, and the window that it was learned from, the target in its middle."""
+        """Make the template of a model and the window it learned, the target in the middle."""
         whole = model.correlation
         part = whole.confined(*window.layout.target)
         own = float(part.response(window.spectrum).max())
@@ -100,7 +104,7 @@ class InitialTemplate:
 
     def similarity(self, window: SearchWindow, shift: Point = (0.0, 0.0)) -> float:
         """
-        Return how similar a place is to the target at first: 0.75 if it's the same.
+        Return how similar a place is to the target in the first frame: 0.75 if it's the same.
 
         The lesser of the two filters' highest responses within two cells of the place, `shift`
         cells from the window's centre, times a root of its share of the target's colours.
@@ -119,11 +123,10 @@ class InitialTemplate:
 
     def angle(self, frame: Frame, window: SearchWindow, place: Point, own: float) -> float:
         """
-        Return by which angle, [rad], a target has turned that was seen in a turned window.
+        Return the rotation, [rad], of a target that was seen in a turned window.
 
-        Its place is in pixels, `own` its similarity there. A rotation that is added up from steps
-        drifts, so angles about it are looked at; and who stands as at first is about as similar
-        upright as in the window.
+        Its place is in pixels, `own` its similarity there. A sum of measured steps drifts, so
+        neighbouring angles are compared; an upright target is about as similar at angle 0, too.
         """
         if abs(window.angle) < _ANCHORED:
             return window.angle
@@ -139,7 +142,7 @@ class InitialTemplate:
 
 def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:
     """
-    Tell whether tracking has failed, from what was known before the frame.
+    Tell whether tracking has failed, compared with the usual values before the frame.
 
     `similarity` is the place's to the initial template, `peak` the highest response about it.
     """
@@ -151,45 +154,44 @@ class PresenceDetector:
     """
     Judges from frame to frame whether the target is present; it is, at first.
 
-    A place similar to the target's first look isn't enough, for it turns and is lit anew, and
-    textures are a little similar to everything; but where the target is, the response to its live
-    model is sharp as well. Neither alone tells as much as both. A similarity that fell abruptly
-    speaks against it, one that faded doesn't.
+    Similarity to the first frame isn't enough: the target turns, its light changes, and textures
+    are a little similar to everything. Where the target is, the response of its live model is
+    sharp as well, and both together tell more than either. An abrupt fall of the similarity is
+    evidence against the target, a gradual one isn't.
 
-    What is said of the target counts its motion and another model too (`confidence`,
-    `absent_frames`), and whoever wants fewer wrong boxes, or fewer frames without one, says from
-    which confidence on it's there. One that was lost for long has to be recognised beyond doubt,
-    the more so the longer it was, and by the first frame's model: the live one has learned
-    something else by then, to which it answers as sharply.
-    What a tracker does goes by the look alone, and by even odds (`unseen_frames`): whoever
-    searches elsewhere because the target rests loses more than is found.
+    What is reported (`confidence`, `absent_frames`) counts motion and another model too; its
+    `threshold` trades wrong boxes for frames without one. After a long absence the target must be
+    recognised with a margin that grows with it, and by the first frame's model: the live one has
+    learned something else by then, and responds to that as sharply. What a tracker does
+    (`unseen_frames`) depends on appearance alone, at even odds: to search elsewhere because the
+    target rests loses more than it finds.
     """
 
     def __init__(self) -> None:
         self._evidence = self._recognised = self._said = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
-        """The confidence from which on the target is said to be there."""
+        """The least confidence at which the target is reported as present."""
         self.unseen_frames = 0.0
-        """For so many frames it was rather out of sight; 0 if it was seen in the last one."""
+        """Time, [frames], for which appearance has been against the target; 0 if it's seen."""
         self.absent_frames = 0.0
-        """For so many frames it's said not to be there; 0 if it was in the last one."""
-        #: So many frames were without it since it was last beyond doubt.
+        """Time, [frames], for which it's been reported as absent; 0 if it's present."""
+        #: Number of frames below `_SEEN` since the target was last recognised.
         self._missed = 0
 
     @property
     def confidence(self) -> float:
-        """Return how sure it is that the target is where it was localised, in [0, 1]."""
+        """Return the probability that the target is where it was localised, in [0, 1]."""
         return logistic(self._said)
 
     def least_covariance(self, area: float, center_error: float, size_error: float) -> Array:
         """
-        Return the covariance that no filter knows of, shape (4, 4), [px^2], of a box of that area.
+        Return the lower bound of the covariance, shape (4, 4), [px^2], of a box of that area.
 
-        The error of the model itself, which drifts from where the target was pointed out, and that
-        of a target that isn't seen (`unknown_covariance`). It's at least that of the errors given,
-        in mean sides, and the larger the less the target is like itself: the standard deviation
-        goes with the root of the odds against it.
+        It's what a filter doesn't model: the drift of the target model from the place that was
+        selected, and the error while the target isn't seen (`unknown_covariance`). The errors, in
+        mean sides, are lower bounds of the standard deviations, which are proportional to the root
+        of the odds against the target, up to even ones.
         """
         doubted = _DOUBTED_ERROR * math.exp(-max(self._said, 0.0) / 2)
         return unknown_covariance(max(center_error, doubted), max(size_error, doubted), area,
@@ -197,17 +199,17 @@ class PresenceDetector:
 
     @property
     def doubts(self) -> bool:
-        """Tell whether the target was lost for so long that it has to be recognised."""
+        """Tell whether more than `_LOST_FRAMES` were missed: the target must be recognised."""
         return self._missed > _LOST_FRAMES
 
     def judge(self, similarity: float, sharpness: float, dt: float, elsewhere: bool = False,
               support: float = 0.0, first_sharpness: float | None = None) -> None:
         """
-        Take in one more frame's similarity to the initial template, and its sharpness.
+        Update with one more frame's similarity to the initial template, and its sharpness.
 
-        `support` is what else adds to the evidence; `first_sharpness` that of the first frame's
-        model, where it `doubts`. To what is seen at another place, `elsewhere`, the last frames'
-        mean nothing.
+        `support` is added to the log-odds; `first_sharpness` is that of the first frame's model,
+        given where it `doubts`. `elsewhere` tells that the target was found at another place: then
+        neither the evidence of earlier frames nor the support counts.
         """
         fallen = _FALL_WEIGHT * self._falls(similarity, dt, elsewhere)
         latest = evidence(similarity, sharpness) - fallen
@@ -230,12 +232,12 @@ class PresenceDetector:
         self.absent_frames = 0.0 if said else self.absent_frames + dt
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
-        """Tell whether the target is present beyond doubt if that's what the next frame says."""
+        """Tell whether the evidence, with these values for the next frame, exceeds `_SURE`."""
         return _averaged(self._evidence, evidence(similarity, sharpness)) > _SURE
 
     @property
     def _doubt(self) -> float:
-        """Return by how much the logarithm of the odds is lower than that of what's seen."""
+        """Return what is subtracted from the log-odds after a long absence; 0 otherwise."""
         return min(math.log(self._missed / _LOST_FRAMES), _MOST_DOUBT) if self.doubts else 0.0
 
     def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
@@ -250,19 +252,19 @@ class PresenceDetector:
 
 
 def evidence(similarity: float, sharpness: float) -> float:
-    """Return the logarithm of the odds that one frame gives for the target's presence."""
+    """Return the log-odds of the target's presence by one frame alone."""
     return (_SHARPNESS_WEIGHT * math.log(max(sharpness, _LEAST_SHARPNESS))
             + _SIMILARITY_WEIGHT * math.log(max(similarity, _LEAST_SIMILARITY)) + _INTERCEPT)
 
 
 def _averaged(before: float, latest: float) -> float:
-    """Return the evidence after one more frame's."""
+    """Return the smoothed evidence after one more frame."""
     before = min(max(before, -_CLEAR), _CLEAR)
     return before + _EVIDENCE_RATE * (latest - before)
 
 
 def support_of(similarity: float) -> float:
-    """Return what another model's similarity, at its place, adds to the evidence: 0 at most."""
+    """Return what another model's similarity, at its place, adds to the log-odds: 0 at most."""
     return min(math.log(max(similarity, _LEAST_SIMILARITY) / _UNLIKE), 0.0)
 
 
@@ -272,24 +274,24 @@ def logistic(value: float) -> float:
 
 
 def state_after(frames: float) -> TrackState:
-    """Return the state of a tracker that hasn't seen its target for so many frames."""
+    """Return the state of a tracker whose target has been out of sight for that time."""
     if not frames:
         return TrackState.TRACKING
     return TrackState.LOST if frames > _LOST_FRAMES else TrackState.SEARCHING
 
 
 def absent_error(frames: float) -> float:
-    """Return the centre's standard deviation after so many frames out of sight, [mean sides]."""
+    """Return the centre's standard deviation after frames out of sight, [mean sides]."""
     return _ABSENT_CENTER * math.sqrt(1 + frames / _WANDERING_FRAMES)
 
 
 def unknown_covariance(
         center_error: float, size_error: float, area: float, frames: float) -> Array:
     """
-    Return the covariance of what a filter doesn't know of: its cues' errors, and not seeing.
+    Return the covariance that a filter doesn't model: errors of its cues, and being out of sight.
 
-    Of (centre x, centre y, width, height), shape (4, 4), [px^2], for a target that hasn't been
-    seen for so many frames. The errors, while it's seen, are shares of its mean side.
+    Of (centre x, centre y, width, height), shape (4, 4), [px^2]. The errors are the standard
+    deviations in sight, as shares of the mean side; `frames` is the time out of sight.
     """
     center, size = center_error**2, size_error**2
     if frames:

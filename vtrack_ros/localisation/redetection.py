@@ -20,43 +20,51 @@ from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
-#: Similarity that ends the failure, or justifies a jump from a target that is seen: the lower of a
-#: share and a level, but never one that speaks against the target.
+#: Trusted similarity, which ends the failure or justifies a jump from a target that is seen: the
+#: lower of a share of the usual similarity and a level, but at least `EVEN_SIMILARITY`.
 _TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
-#: Similarity that leaves the present place plausible, likewise.
+#: Similarity from which the present place is plausible: the lower of a share and a level again.
 _PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
-#: Frames of trusted similarity that end the failure.
+#: Consecutive frames of trusted similarity that end the failure.
 _TRUSTED_FRAMES = 5
-#: Updates after which a target that looks different, but is seen well, is taken for changed.
+#: A target whose appearance has changed is accepted, which ends the failure, above all of: number
+#: of updates, similarity, response as a share of the usual one.
 _ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
-#: A jump needs this much more similarity, and that often while the present place is plausible.
+#: Gain in similarity that a jump needs: the lower of a share of the usual similarity and a value.
 _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
+#: Number of frames, not necessarily consecutive, in which such a place has to be found while the
+#: present one is plausible.
 _JUMP_FRAMES = 3
-#: The least logarithm of the odds for the target at a place that is worth a jump. They rise with a
-#: power of the response there, even at that share of the usual one, and of the frames searched,
-#: even at so many and no more from so many on: who has just been hidden is rarely back at once,
-#: but who has been gone for long isn't any the likelier to come back.
+#: Log-odds of the target at a place from which on it's worth a jump.
 _ODDS = 1.3
+#: Exponent of the response in the odds, and the share of the usual response that leaves them as
+#: they are.
 _RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
+#: Exponent of 1 + the number of frames searched in the odds, the value that leaves them as they
+#: are, and an upper clamp of the number: a target that was just occluded is rarely back at once,
+#: but one that has been gone for long isn't any the likelier to come back.
 _FRAMES_POWER, _EVEN_FRAMES, _MOST_FRAMES = 0.5, 12, 25
-#: Windows searched in a frame; after so many frames by colours, too.
+#: Windows searched in a frame, besides the rival's; frames after which colours propose some.
 _SEARCHES, _COLOURED = 3, 8
-#: Of colours so many pixels are looked at across a target, or fewer where those of the whole frame
-#: would be more than that; if they are still more, those of a part of it.
+#: Subsampling for the search by colours: pixels across the target's shorter side, (fine, coarse);
+#: coarse where fine would be more than the second value in the whole frame. If coarse is more
+#: too, only a part of the frame is used.
 _COLOUR_PIXELS, _MOST_COLOURS = (6, 3), 1 << 14
-#: So many maxima are looked at again, each in the middle of a window: of those of this share of
-#: the usual response the most probable ones, where that share more is a factor of e in the odds,
-#: and further apart than that, in sides. A place is worth verifying that has this share there.
+#: The most probable maxima are searched again, each in the middle of a window: their number; least
+#: response, as a share of the usual one; increase of that share that multiplies the odds by e; and
+#: the least distance between them, [sides].
 _LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
+#: Share of the usual response there from which a place is compared with the initial template.
 _WORTH_VERIFYING = 0.5
-#: The least that a share of the usual response is taken for.
+#: Lower bound of a share of the usual response in a logarithm.
 _LEAST_SHARE = 1e-6
-#: The target is searched on its straight way on for that long; then where it was seen last.
+#: Time, [frames], for which the velocity before the failure is extrapolated; after it the place
+#: where the target was seen last is used instead.
 _EXTRAPOLATED_FRAMES = 60
-#: By which factor the size of a target may change that isn't certain.
+#: Largest factor, up or down, by which the size may change while the target is out of sight.
 _DRIFT = 1.5
-#: A model that doesn't learn prefers another place where its response has this share of the usual
-#: one before the failure, and is higher than at the present place by so much.
+#: A model that doesn't learn moves to another place, unverified, where the response exceeds this
+#: share of the usual one before the failure, and that at the present place by this difference.
 _PREFERRED, _PREFERENCE = 0.7, 0.2
 
 
@@ -65,7 +73,7 @@ class Candidate:
     """
     A place that was searched, in pixels, its similarity, and its response.
 
-    `odds` is the logarithm of the odds for the target there: see `Redetection`.
+    `odds` are the log-odds of the target there: see `Redetection`.
     """
 
     center: Point
@@ -78,9 +86,9 @@ class Candidate:
 @dataclass(frozen=True)
 class Verdict:
     """
-    What one more frame of a search says: what to go on with, and how similar its place is.
+    The result of a search in one frame: the snapshot to go on with, and its place's similarity.
 
-    `over` tells whether the failure is over, `elsewhere` whether it goes on at another place: that
+    `over` tells whether the failure is over, `elsewhere` whether the snapshot is at another place,
     where the response has that sharpness.
     """
 
@@ -93,22 +101,22 @@ class Verdict:
 
 class Redetection:
     """
-    Searches, after a tracking failure, with the target as it was known before.
+    Searches, after a tracking failure, with a snapshot of the target from before it.
 
-    Updates of the live model never stop, since a change of appearance looks like an occlusion. The
-    snapshot, of `age` frames before, searches some windows in each frame beside the live one,
-    among them that of its rival, where the live model answers besides. It replaces the live one
-    once it has found a place that is verifiably more similar to the target, and where the odds are
-    for it: similarity and sharpness count as for its presence, the response beside the usual one,
-    for how long it has been searched, and the way to it from where the target was, or would be by
-    its velocity before the failure, [px/frame]: as far as a target out of sight strays
-    (`absent_error`), with heavy tails. Long after the failure it isn't on its straight way any
-    more, so where it was seen last counts instead. The failure is over, too, when the live place
-    has been similar enough for a while.
+    Updates of the live model never stop, since a change of appearance looks like an occlusion. In
+    each frame the snapshot, `age` frames old at first, searches some windows besides the live one,
+    among them that about the rival, the live model's highest maximum that wasn't chosen. It
+    replaces the live one once it has found a place that is verifiably more similar to the target,
+    and whose log-odds are high enough. They consist of similarity and sharpness, as for presence;
+    of the response as a share of the usual one; of the time searched; and of the distance from
+    where the target was, or would be by its velocity before the failure, [px/frame]: a
+    heavy-tailed density, as wide as a target out of sight strays (`absent_error`). Long after the
+    failure the place where it was seen last replaces the extrapolated one. The failure is over,
+    too, when the live place has been similar enough for a while.
 
     Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
-    followed too: it's the same model's, so it can be compared, but the failure is over only once
-    that is verified.
+    followed too, as the responses of the same model are comparable; but the failure is over only
+    once that place is verified.
     """
 
     def __init__(self, snapshot: TargetSnapshot, template: InitialTemplate, velocity: Point,
@@ -121,7 +129,7 @@ class Redetection:
         self._updates = self._trusted_frames = self._jump_frames = 0
 
     def continued(self, snapshot: TargetSnapshot, template: InitialTemplate) -> Redetection:
-        """Return the same search, for another localiser's snapshot and template to go on with."""
+        """Return a copy of the search that goes on with another localiser's model and template."""
         search = copy(self)
         search._snapshot = replace(
             snapshot, center=self._snapshot.center, size=self._snapshot.size)
@@ -135,7 +143,7 @@ class Redetection:
         return self._snapshot.center
 
     def bounds(self, width: float) -> tuple[float, float]:
-        """Return the least and the largest factor of a width that the size may have."""
+        """Return the bounds of the size, as factors of a width."""
         known = self._snapshot.size[0] / width
         return known / _DRIFT, known * _DRIFT
 
@@ -143,13 +151,13 @@ class Redetection:
                dt: float, search: bool = True, seen: bool = False,
                distractors: Sequence[Point] = (), rival: Point | None = None) -> Verdict:
         """
-        Judge the live place, and search with the snapshot, unless not wanted.
+        Judge the live place, and, with `search`, search elsewhere with the snapshot.
 
-        `live` is as it was updated in this frame, `similarity` its place's to the initial
+        `live` was updated in this frame, `similarity` is that of its place to the initial
         template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame is left only for a similarity that is trusted. No jump is to one of the
-        `distractors`, places in pixels: motion told which one is the target. The `rival` is where
-        the live model's response was highest of all other places, in pixels: it's looked at.
+        frame is left only for a trusted similarity. No jump is to one of the `distractors`, places
+        in pixels: motion tells which one is the target. The `rival` is the highest maximum of the
+        live model that wasn't chosen, in pixels; it's searched too.
         """
         usual = live.usual_response
         live = live.followed(peak)
@@ -185,7 +193,7 @@ class Redetection:
 
     def _preferred(self, candidates: list[Candidate], live: TargetSnapshot, similarity: float,
                    peak: float) -> Verdict:
-        """Return where a model that doesn't learn goes on, none of the places being verified."""
+        """Return where a model that doesn't learn goes on if none of the places is verified."""
         best = max(candidates, key=lambda one: one.peak, default=None)
         least = max(_PREFERRED * self._snapshot.usual_response, peak + _PREFERENCE)
         if best is None or self._snapshot.model.LEARNS or best.peak <= least:
@@ -195,7 +203,7 @@ class Redetection:
 
     def _candidates(self, frame: Frame, live: Point, distractors: Sequence[Point],
                     rival: Point | None) -> list[Candidate]:
-        """Return what is worth a jump, of the maxima in this frame."""
+        """Return the maxima of this frame that may be jumped to, compared with the template."""
         snapshot, candidates = self._snapshot, []
         side = math.sqrt(math.prod(snapshot.size))
         for response in self._maxima(frame, rival):
@@ -216,8 +224,8 @@ class Redetection:
         """
         Return the responses about the most promising places of this frame.
 
-        A filter's response is less towards the border of a window, so what is found there is
-        looked at again, in the middle of one.
+        A filter's response is less towards the border of a window, so the best places found are
+        searched again, each in the middle of one.
         """
         snapshot = self._snapshot
         searched = [snapshot.localise(frame, place) for place in self._places(frame, rival)]
@@ -234,7 +242,7 @@ class Redetection:
                 for place, _, _ in distinct(promising, apart)[:_LOOKS]]
 
     def _odds(self, center: Point, similarity: float, response: ResponseMap) -> float:
-        """Return the logarithm of the odds for the target at a place, [px], where it's sought."""
+        """Return the log-odds of the target at a place, [px]; see the class."""
         share = response.peak / self._snapshot.response_unit
         return (evidence(similarity, response.sharpness) - self._against_way(center)
                 + _RESPONSE_POWER * math.log(max(share, _LEAST_SHARE) / _EVEN_RESPONSE)
@@ -242,13 +250,13 @@ class Redetection:
                     (1 + min(self._updates, _MOST_FRAMES)) / _EVEN_FRAMES))
 
     def _against_way(self, center: Point) -> float:
-        """Return by how much the way to a place, in pixels, lowers the logarithm of the odds."""
+        """Return by how much the distance to a place, in pixels, lowers its log-odds."""
         way = min(math.dist(center, place) for place in (self._snapshot.center, self._forecast))
         return math.log1p((way / self._spread)**2)
 
     @property
     def _forecast(self) -> Point:
-        """Return where the target may be by now, [px]: straight on, or where it was last seen."""
+        """Return the expected place, [px]: extrapolated, or later on where it was last seen."""
         if self._age > _EXTRAPOLATED_FRAMES:
             return self._last_seen
         x, y = (place + self._age * velocity
@@ -257,7 +265,7 @@ class Redetection:
 
     @property
     def _spread(self) -> float:
-        """Return how far the target has strayed, [px]: a standard deviation."""
+        """Return the standard deviation, [px], of the target's displacement since the failure."""
         return math.sqrt(math.prod(self._snapshot.size)) * absent_error(self._age)
 
     def _places(self, frame: Frame, rival: Point | None) -> list[Point]:
@@ -282,7 +290,7 @@ class Redetection:
         pixels, (left, top) = sparse_part(frame, stride, _MOST_COLOURS, self._rng)
         probability = self._snapshot.model.colours.probability(colour_index(pixels))
         colour = box_mean(probability, (max(1, int(width / stride)), max(1, int(height / stride))))
-        # random weights, or one blob of the same colour would be searched again and again
+        # random weights, or else one blob of the same colour would be searched again and again
         colour *= self._rng.uniform(0.7, 1.0, colour.shape).astype(np.float32)
         row, column = divmod(int(colour.argmax()), colour.shape[1])
         return float(left + column * stride), float(top + row * stride)

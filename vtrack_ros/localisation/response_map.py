@@ -1,4 +1,4 @@
-"""The response to a target over a window: its maxima, and how it is in any place."""
+"""The response to a target over a window: its maxima, and its values at any place."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from vtrack_ros.frame import Array, Point
 from vtrack_ros.geometry.affine import rotation
 from vtrack_ros.localisation.search_window import Grid
 
-#: A place with less than this share of a window's highest response is a lesser maximum.
+#: Share of a better place's response below which a place is dominated by it.
 _LEVEL = 0.95
-#: Cells about the highest response that belong to its peak; the least variance of the others.
+#: Cells on each side of the highest response that belong to its peak; lower bound of the variance
+#: of the others.
 _PEAK, _LEAST_VARIANCE = 3, 1e-9
 
 
@@ -96,7 +97,7 @@ class ResponseMap:
 
     def sample_one(self, place: Point) -> float:
         """Return the response at one place, in pixels; 0 beyond the window."""
-        # one point is told sooner by hand
+        # for a single point plain Python is faster than NumPy
         (x, y), (middle_x, middle_y) = self.window.shift(place), self._middle
         left, top = math.floor(x), math.floor(y)
         x, y = x - left, y - top

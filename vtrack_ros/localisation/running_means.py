@@ -1,13 +1,13 @@
-"""Running means of what is seen in each frame: of a value, and of a velocity."""
+"""Running means over frames: of a value, and of a velocity."""
 
 from vtrack_ros.frame import Point
 
 
 def latest_weight(rate: float, dt: float, time: float) -> float:
     """
-    Return the weight of what came in the last `dt` in a running mean over a `time`.
+    Return the weight of the last `dt` frames in a running mean over a `time`, [frames].
 
-    It's that of a plain mean at first, and `rate` in a frame later on.
+    That of a plain mean at first; later on that of a moving average, `rate` a frame.
     """
     return min(max(rate * dt, dt / time), 1.0)
 
@@ -16,7 +16,7 @@ def mean_velocity(before: Point, start: Point, end: Point, dt: float, rate: floa
     """
     Return the mean of a velocity, [px/frame], after one more step from start to end, in pixels.
 
-    The step took `dt` frames, and has that weight.
+    The step took `dt` frames; its weight is `rate`.
     """
     x, y = ((1 - rate) * velocity + rate * (now - then) / dt
             for velocity, then, now in zip(before, start, end))

@@ -1,4 +1,4 @@
-"""The window about a target, sampled and described."""
+"""The search window about a target: resampling, and computation of features."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from vtrack_ros.appearance.regression import CorrelationFilter, Spectrum
 from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Frame, Point
 
-#: From one window to another: so many halves of it to the right and down, one at most each way.
+#: Step from one window to another: (right, down) in halves of a window; -1, 0 or 1 each.
 Step = tuple[int, int]
 
 #: Side of a cell, in samples.
 _CELL = 3
 #: Side of a cell in pixels of the colour model.
 _DETAIL = 2
-#: Cells of the window, all together: of a coarse one, and of a fine one.
+#: Approximate number of cells in a window: in a coarse one, and in a fine one.
 COARSE, FINE = 22 * 22, 28 * 28
-#: Width of the surroundings in the window, as a share of the target's mean side.
+#: Surroundings in the window, added to both sides of the target, as a share of its mean side.
 _CONTEXT = 1.5
 
 
@@ -32,7 +32,7 @@ class Grid:
     """
     Where a window's cells are: its centre in the frame and a cell's (width, height), [px].
 
-    The angle, [rad], is by how much it's turned, clockwise as one looks at the image.
+    The angle, [rad], is its rotation, clockwise as one looks at the image.
     """
 
     center: Point
@@ -45,7 +45,7 @@ class Grid:
         return x / self.cell[0], y / self.cell[1]
 
     def at(self, shift: Point) -> Point:
-        """Return the place, in pixels, that is so many cells from the window's centre."""
+        """Return the place, in pixels, of a shift in cells from the window's centre."""
         x, y = turned((shift[0] * self.cell[0], shift[1] * self.cell[1]), self.angle)
         return self.center[0] + x, self.center[1] + y
 
@@ -53,9 +53,9 @@ class Grid:
 @dataclass(frozen=True)
 class SearchWindow(Grid):
     """
-    A window of a frame, resampled and described.
+    A window of a frame, resampled, with its features.
 
-    The size of a target that fills its middle is in pixels. `grey` is the image, of 3 x 3 samples
+    `size`, in pixels, is that of the target in its middle. `grey` is the image, of 3 x 3 samples
     a cell; `colours` has each pixel's bin in the colour model, of 2 x 2 a cell; the spectrum,
     shape (channels, rows, columns // 2 + 1), is that of the features.
     """
@@ -74,12 +74,12 @@ class SearchWindow(Grid):
             self.center, (width * self.layout.columns, height * self.layout.rows), self.angle)
 
     def sample_at(self, shift: Point) -> Point:
-        """Return a place in `grey`, from its place from the window's centre in cells."""
+        """Return the place in `grey` of a shift in cells from the window's centre."""
         return (_CELL * (self.layout.columns / 2 + shift[0]),
                 _CELL * (self.layout.rows / 2 + shift[1]))
 
     def rectangle(self, shift: Point) -> Rectangle:
-        """Return (top, bottom, left, right) in `colours` of a target so far off the centre."""
+        """Return (top, bottom, left, right) in `colours` of a target with a shift in cells."""
         width, height = self.layout.target
         x = _DETAIL * (self.layout.columns / 2 + shift[0])
         y = _DETAIL * (self.layout.rows / 2 + shift[1])
@@ -105,7 +105,7 @@ class WindowLayout:
 
     @classmethod
     def around(cls, width: float, height: float, cells: int = COARSE) -> WindowLayout:
-        """Lay out the window of about so many cells for a target of that size, in pixels."""
+        """Make the layout with about that number of cells for a target's size, in pixels."""
         context = _CONTEXT * (width + height) / 2
         window_x, window_y = width + context, height + context
         density = np.sqrt(cells / (window_x * window_y))
@@ -120,9 +120,9 @@ class WindowLayout:
     def window(self, frame: Frame, center: Point, size: Point,
                angle: float = 0.0) -> SearchWindow:
         """
-        Describe the window about a target of that centre and size, to the nearest pixel.
+        Sample the window about a target of that centre and size, to the nearest pixel.
 
-        A target that has turned by an angle, [rad], is seen upright in it.
+        It's turned by the angle, [rad]: a target that has turned so is upright in it.
         """
         whole = self._pixels(center, size, angle)
         return self._window(whole.center, (whole.width, whole.height), angle,
@@ -130,7 +130,7 @@ class WindowLayout:
 
     def windows_beside(self, frame: Frame, center: Point, size: Point, angle: float,
                        steps: Sequence[Step]) -> list[SearchWindow]:
-        """Describe windows some steps from that one, all at once, for they overlap."""
+        """Sample the windows some steps from that one, all at once, for they overlap."""
         rows, columns = self.rows, self.columns
         whole = self._pixels(center, (2 * size[0], 2 * size[1]), angle)
         grey, colours, features = _described(frame, whole, 2 * rows, 2 * columns)
@@ -160,7 +160,7 @@ class WindowLayout:
 
 def _described(frame: Frame, whole: PixelWindow, rows: int,
                columns: int) -> tuple[Frame, Colours, Features]:
-    """Return what's in a window of so many cells: its image, its colours and its features."""
+    """Return a window's grey image, colour bins and features; rows and columns are cells."""
     pixels = whole.sampled(frame, rows * _CELL, columns * _CELL)
     grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
     small = cv2.resize(pixels, (columns * _DETAIL, rows * _DETAIL))
@@ -169,7 +169,7 @@ def _described(frame: Frame, whole: PixelWindow, rows: int,
 
 
 def inside(place: Point, frame: Frame) -> Point:
-    """Return the place inside the frame that is next to a place, in pixels."""
+    """Return the place inside the frame that is nearest to a place, in pixels."""
     height, width = frame.shape[:2]
     return (float(min(max(place[0], 0.0), width - 1.0)),
             float(min(max(place[1], 0.0), height - 1.0)))

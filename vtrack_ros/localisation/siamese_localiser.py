@@ -1,4 +1,4 @@
-"""Localises one target by a Siamese network, verified like any other."""
+"""Localises one target by a Siamese network, and verifies it by the initial template."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.search_window import Grid, inside, Step
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
-#: Log-odds of places off a target, and so much more of those on it: from 0 to 1 in the response.
+#: Log-odds of places off a target: response 0; how much more they are on it: response 1.
 _ELSEWHERE, _RANGE = -6.0, 16.0
-#: Cells along a side of the response map, and the standard deviation of a box's place, in cells.
+#: Cells along a side of the response map; standard deviation of a box's Gaussian in it, [cells].
 _CELLS, _SPREAD = 32, 1.0
-#: A box with less than this share of the highest response says nothing about the target's place.
+#: Share of the highest response below which a box isn't used.
 _SHARE = 0.3
-#: Boxes about a place count with that power of their responses there, which are no less than that.
+#: Exponent of the boxes' responses at a place, as weights of their mean; lower bound of responses.
 _LIKELIEST, _LEAST = 16, 1e-6
-#: How much less a box counts that is of another size or shape than the target was.
+#: Rate at which the response of a box decays exponentially with its change of size and shape.
 _CHANGE = 0.148
-#: Puts the product of similarity and response on the scale of a similarity.
+#: Factor that brings the product of similarity and response to the scale of a similarity.
 _CREDIBLE = 1.75
-#: What is added to a network's evidence for a target: it answers to what isn't one, too.
+#: Log-odds added to the evidence for a network's target: it responds to other things, too.
 SUPPORT = -1.5
-#: How fast the size follows the network's boxes, in a frame's time.
+#: Weight, per frame, of the network's box in the moving average of the size's logarithm.
 _SIZE_RATE = 0.35
-#: The network's box in the first frame is corrected by at most that share of its size.
+#: Largest correction of the network's box in the first frame, as a share of its size.
 _CORRECTED = 0.15
-#: The correction holds for what looks as in the first frame: in full from this similarity on, of
-#: whose running mean the latest frame has that weight.
+#: The correction holds for the appearance in the first frame: similarity from which it's applied
+#: in full, below it in proportion; weight of the latest frame in the moving average of that share.
 _ALIKE, _ALIKE_RATE = 0.2, 0.1
 
 
@@ -65,8 +65,8 @@ class SiameseResponse(ResponseMap):
         """
         Return the box that the network has found about a place, shape (4,), in pixels.
 
-        The mean of those there, the likeliest far before the others: of two that are as likely,
-        the least difference would decide which one it is.
+        The mean of those there, dominated by the likeliest. It isn't that one alone: of two that
+        are as likely, the least difference would decide which one it is.
         """
         away = ((self.boxes[:, :2] - place) / self.window.cell)**2
         logs = np.log(np.maximum(self.levels, _LEAST)) - away.sum(axis=1) / (2 * _SPREAD**2)
@@ -80,9 +80,9 @@ class SiameseModel(TargetModel):
     """
     The models that a target is searched and verified with, and a network that localises it.
 
-    The network's box of the target in the first frame isn't the one that was given: `correction`
-    is what it has to be moved by, in units of its size, and resized by; `alike`, from 0 to 1, how
-    far that still holds.
+    The network's box of the target in the first frame isn't the one that was given: `correction`,
+    (x, y, width, height), is the shift from it in units of its size, and the factors of its size;
+    `alike`, from 0 to 1, is the share of the correction that's applied.
     """
 
     LEARNS = False
@@ -95,7 +95,7 @@ class SiameseModel(TargetModel):
     @classmethod
     def beside(cls, model: TargetModel, network: SiameseNetwork, frame: Frame, center: Point,
                size: Point) -> SiameseModel:
-        """Show a target, in its first frame, to a network, beside a model of it."""
+        """Extend a model by a network that is shown the target in its first frame."""
         target = network.learn(frame, center, size)
         found = cls(model.layout, model.correlation, model.colours, model.scale, network, target,
                     np.array([0.0, 0.0, 1.0, 1.0]))
@@ -108,10 +108,10 @@ class SiameseModel(TargetModel):
     def localise(self, frame: Frame, center: Point, size: Point,
                  angle: float = 0.0) -> SiameseResponse:
         """
-        Return the response about a target of that centre and size, in pixels, however turned.
+        Return the response about a target of that centre and size, in pixels; angles are ignored.
 
-        The network's log-odds, on a scale from 0 to 1, at the centre of the box that it has found
-        in each place: a box is more exact than the places, a quarter of the target apart.
+        The network's log-odds, scaled to 0 off a target and 1 on it, at the centre of the box that
+        it has found in each place: it's more exact than the places, a quarter of the target apart.
         """
         side = SEARCHED / EXEMPLAR * exemplar_side(size)
         odds, found = self.network.search(self.target, frame, center, side)
@@ -125,24 +125,24 @@ class SiameseModel(TargetModel):
 
     def localise_beside(self, frame: Frame, center: Point, size: Point, angle: float,
                         steps: Sequence[Step]) -> list[ResponseMap]:
-        """Return the responses about places by so many half windows, of the filter's, away."""
+        """Return the responses about places some steps away, by half windows of the filter's."""
         width, height = (side * reach / 2 for side, reach in zip(size, self.layout.reach))
         halves = Grid(center, (width, height), angle)
         return [self.localise(frame, inside(halves.at(step), frame), size) for step in steps]
 
     def seen(self, similarity: float) -> SiameseModel:
-        """Return the model after a frame of that similarity to the first one."""
+        """Return the model with `alike` updated by a frame of that similarity to the first."""
         alike = self.alike + _ALIKE_RATE * (min(similarity / _ALIKE, 1.0) - self.alike)
         return replace(self, alike=max(alike, 0.0))
 
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
-        """Return the similarity of a place, in pixels, as far as the network agrees."""
+        """Return the similarity of a place, in pixels, times the network's response there."""
         return _CREDIBLE * similarity * response.sample_one(place)
 
 
 def _steadiness(sizes: Array, size: Point) -> Array:
     """
-    Return how far boxes of other sizes, shape (N, 2), count as the target's, shape (N,).
+    Return a penalty factor, shape (N,), of boxes with sizes of shape (N, 2), for their change.
 
     1 for one of the same size and shape [Li et al. 2018, sec. 4.3]: many boxes overlap the target,
     and the network's odds alone don't tell which is the best of them.
@@ -160,13 +160,13 @@ class SiameseLocaliser(Localiser):
     """
     Localises a target by a Siamese network, which doesn't learn.
 
-    Its boxes have their own aspect, and none is turned. Presence and re-detection are
-    `Localiser`'s: the initial template decides, that of a correlation filter.
+    Its boxes have their own aspect, and none is turned. Presence and re-detection are those of
+    `Localiser`: the initial template, of a correlation filter, decides.
     """
 
-    #: The network sees further than filters do, and takes ten times as long.
+    #: The network's window is larger than a filter's, and takes ten times as long.
     MORE_WINDOWS = 2
-    #: It's nearly always sure, and its boxes aren't of the aspect that the target was given.
+    #: Larger, for it's nearly always sure, and its boxes don't have the selected box's aspect.
     LEAST_ERRORS = (0.12, 0.10)
 
     def __init__(self, frame: Frame, center: Point, size: Point, rng: np.random.Generator,
@@ -174,18 +174,18 @@ class SiameseLocaliser(Localiser):
         super().__init__(frame, center, size, rng)
         self._first_model = SiameseModel.beside(self._live.model, network, frame, center, size)
         self._live = replace(self._live, model=self._first_model)
-        # those are of the correlation filter's responses
+        # none: those of `Localiser` are of the correlation filter's responses
         self._least_usual = 0.0, 0.0
 
     def resume(self, snapshot: TargetSnapshot, beside: Localiser) -> None:
-        """Go on at the place of another localiser, with the bound of the target as it turned."""
+        """Continue at another localiser's place, with the bounding box of its turned target."""
         super().resume(snapshot, beside)
         size = self._bounded((beside.box.width, beside.box.height))
         self._live = replace(self._live, size=size, turn=0.0)
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
                  dt: float) -> TargetSnapshot:
-        """Return the target at a place, verified there if it's time for that."""
+        """Return the target at a place, compared with the initial template if that's due."""
         live, size = self._live, self._live.size
         self._frames += 1
         if isinstance(response, SiameseResponse):
@@ -201,7 +201,7 @@ class SiameseLocaliser(Localiser):
                        turn=0.0)
 
     def _bounded(self, size: Point) -> Point:
-        """Bound a size: who is out of sight may not drift far."""
+        """Clamp each side of a size to `SMALLEST` and `LARGEST` of its first length."""
         width, height = (min(max(side, SMALLEST * first), LARGEST * first)
                          for side, first in zip(size, self._first_size))
         return width, height

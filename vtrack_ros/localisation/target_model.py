@@ -1,4 +1,4 @@
-"""What is known of one target: the models of its look, its place and what's usual for it."""
+"""The state of one target: models of its appearance, its place and its usual values."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.search_window import SearchWindow, Step, WindowLayout
 
-#: Standard deviation of the wanted response, as a share of the target's size.
+#: Standard deviation of the desired response, as a share of the target's mean side.
 _LABEL_WIDTH = 1 / 16
 #: Weight of the colours in the response; the rest is the correlation filter's.
 _COLOUR_WEIGHT = 0.3
-#: A target that is off the middle by more than this many cells is worth a window of its own.
+#: Distance from a window's centre, [cells along either axis], above which a target needs a new
+#: window about it.
 _CENTRED = 1.0
-#: A target that has turned by less than that, [rad], is taken to stand upright.
+#: Rotation, [rad], up to which a target is taken to be upright.
 _LEAST_TURN = 0.05
-#: Weights of an example in the running averages.
+#: Learning rates: weights of an example in the running averages.
 _COLOUR_RATE = 0.08
 _SCALE_RATE = 0.05
-#: The share of what is learned that is the first frame again: without it the errors of place and
-#: size add up, and after some minutes the model is of something else.
+#: Weights of the first frame's model in each update, as shares of the learning rate: without them
+#: errors of place and size add up, and after some minutes the model is of something else.
 _FIRST_IN_FILTER, _FIRST_IN_SCALE = 0.3, 0.15
-#: The usual response and similarity follow slowly, or they would get used to an occluder.
+#: Weight of a frame in the usual response and similarity: low, or they would adapt to an occluder.
 _USUAL_RATE = 0.03
-#: The least that the usual response is taken for where others are shares of it.
+#: Lower bound of the usual response as the divisor of others.
 _LEAST_RESPONSE = 1e-6
 
 
@@ -44,7 +45,7 @@ class TargetModel:
     It's never changed in place: a snapshot of it is the object itself.
     """
 
-    #: Whether what it responds to changes, so that its responses now and then don't compare.
+    #: Whether it's updated, so that its responses at different times aren't comparable.
     LEARNS: ClassVar[bool] = True
 
     layout: WindowLayout
@@ -54,7 +55,7 @@ class TargetModel:
 
     @classmethod
     def create(cls, window: SearchWindow, confined: bool = False) -> TargetModel:
-        """Learn the target in the middle of a window; a confined filter sees it alone."""
+        """Learn the target in the middle of a window; confined: a filter of its box only."""
         layout, middle = window.layout, (0.0, 0.0)
         width, height = layout.target
         correlation = CorrelationFilter.create(
@@ -89,19 +90,19 @@ class TargetModel:
         """
         Return the response in the window about a target of that centre and size, in pixels.
 
-        It's turned by an angle, [rad], as the target.
+        The window is turned by an angle, [rad].
         """
         window = self.layout.window(frame, center, size, angle)
         return ResponseMap(window, self.response(window))
 
     def localise_beside(self, frame: Frame, center: Point, size: Point, angle: float,
                         steps: Sequence[Step]) -> list[ResponseMap]:
-        """Return the responses in windows beside that one; see `WindowLayout.windows_beside`."""
+        """Return the responses in neighbouring windows; see `WindowLayout.windows_beside`."""
         windows = self.layout.windows_beside(frame, center, size, angle, steps)
         return [ResponseMap(window, self.response(window)) for window in windows]
 
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:
-        """Return how far a place's similarity to the initial template is to be believed."""
+        """Return a place's similarity to the initial template, as is; a subclass may weight it."""
         return similarity
 
     def growth(self, window: SearchWindow, shift: Point) -> float:
@@ -112,7 +113,7 @@ class TargetModel:
         """
         Return the model whose filter has learned the target, `shift` cells off the centre.
 
-        A share of what it learns is what the `first` frame's model knows.
+        A share of the learning rate goes to the filter of the `first` frame's model.
         """
         rate = self.correlation.RATE
         correlation = self.correlation.updated(window.spectrum, rate, shift)
@@ -126,7 +127,7 @@ class TargetModel:
 
     def with_scale(self, window: SearchWindow, shift: Point, growth: float,
                    first: TargetModel) -> TargetModel:
-        """Return the model that has learned the scale of a target grown by a factor, likewise."""
+        """Return the model that learned the scale of a target grown by a factor, as `updated`."""
         scale = self.scale.mixed(first.scale, _FIRST_IN_SCALE * _SCALE_RATE)
         scale = scale.updated(window.grey, window.sample_at(shift), growth, _SCALE_RATE)
         return replace(self, scale=scale)
@@ -135,10 +136,10 @@ class TargetModel:
 @dataclass(frozen=True)
 class TargetSnapshot:
     """
-    What is known of the target at one time; the live one is replaced in every frame.
+    The state of the target at one time; the live one is replaced in every frame.
 
-    Centre and size are in pixels, the size as it would be upright; `turn` is the sum of what was
-    measured of its rotation since the first frame, [rad]. What's usual is the running mean of the
+    Centre and size are in pixels, the size as it would be upright; `turn` is the sum of the
+    rotations measured since the first frame, [rad]. The usual values are moving averages of the
     highest response, and of the similarity to the initial template.
     """
 
@@ -151,12 +152,12 @@ class TargetSnapshot:
 
     @property
     def angle(self) -> float:
-        """Return by how much the target has turned, [rad]: 0 where that may be an error."""
+        """Return the target's rotation, [rad]; 0 where it's so small that it may be an error."""
         return self.turn if abs(self.turn) > _LEAST_TURN else 0.0
 
     @property
     def response_unit(self) -> float:
-        """Return what responses are shares of: the usual one, which is positive here."""
+        """Return the unit of responses: the usual one, with a positive lower bound."""
         return max(self.usual_response, _LEAST_RESPONSE)
 
     def localise(self, frame: Frame, center: Point, angle: float | None = None) -> ResponseMap:
@@ -166,7 +167,7 @@ class TargetSnapshot:
 
     def localise_beside(self, frame: Frame, center: Point,
                         steps: Sequence[Step]) -> list[ResponseMap]:
-        """Return the responses in windows beside that one; see `WindowLayout.windows_beside`."""
+        """Return the responses in neighbouring windows; see `WindowLayout.windows_beside`."""
         return self.model.localise_beside(frame, center, self.size, self.angle, steps)
 
     def window(self, frame: Frame, center: Point) -> SearchWindow:
@@ -174,7 +175,7 @@ class TargetSnapshot:
         return self.model.layout.window(frame, center, self.size, self.angle)
 
     def followed(self, response: float, similarity: float | None = None) -> TargetSnapshot:
-        """Return the snapshot whose usual values have followed one more frame's."""
+        """Return the snapshot with usual values updated by one more frame's."""
         usual_response, usual_similarity = self.usual_response, self.usual_similarity
         usual_response += _USUAL_RATE * (response - usual_response)
         if similarity is not None:
@@ -184,5 +185,5 @@ class TargetSnapshot:
 
 
 def is_centred(shift: Point) -> bool:
-    """Tell whether a target so many cells off a window's centre is seen as well as in it."""
+    """Tell whether a target `shift` cells off a window's centre needs no window of its own."""
     return max(abs(shift[0]), abs(shift[1])) <= _CENTRED
