@@ -9,7 +9,7 @@ from vtrack_ros.appearance.affine_patches import AffinePatches
 from vtrack_ros.appearance.subspace import Subspace
 from vtrack_ros.frame import Array, Frame
 
-#: Residual of a pixel, of 1, that counts half in the robust error norm.
+#: Width of the robust error norm: residual, of grey in [0, 1], at which a pixel counts half.
 _OUTLIER = 0.1
 
 
@@ -18,7 +18,8 @@ class Widths:
     """
     Standard deviations of the likelihood's terms; an infinite one drops its term.
 
-    Of the Bhattacharyya distance of colours, and of the root of the subspace's robust error.
+    `colour` is that of the Bhattacharyya distance of colour histograms, `subspace` that of the
+    square root of the subspace's robust error.
     """
 
     colour: float
@@ -29,9 +30,10 @@ class AffineLikelihood:
     """
     The likelihood of affine frames: a product of two terms [Xiang, secs 3.3.1 and 3.3.2].
 
-    They're learned from the first frame, in which the target's affine frame is `first`, from a
-    rectangle of that (width, height). A patch has `side` samples along each side, the subspace
-    that many components; the colour term may be left out, and a grey frame has none.
+    Both are learned from the first frame, in which the affine frame `first` maps a rectangle of
+    `size` (width, height) onto the target. A patch has `side` samples along each side, the
+    subspace at most `components` components. `colour` enables the colour term; a grey frame has
+    none.
     """
 
     def __init__(self, frame: Frame, first: Array, size: tuple[float, float],
@@ -47,7 +49,7 @@ class AffineLikelihood:
         self._fresh: list[NDArray[np.float32]] = []
 
     def log_likelihood(self, frame: Frame, states: Array, widths: Widths) -> Array:
-        """Return the logarithm of the likelihood of affine frames (N, 3, 3), less a constant."""
+        """Return the log-likelihood of affine frames (N, 3, 3), up to a constant; shape (N,)."""
         patches = AffinePatches(frame, states, self.size, self.side)
         result = self.subspace.robust_error(patches.grey(), _OUTLIER).astype(np.float64)
         result /= -2 * widths.subspace**2

@@ -7,19 +7,21 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.histogram import joint_bins
 from vtrack_ros.frame import Array, Frame
 
-#: Frames sampled in one call: what fits the processor's cache is several times as fast.
+#: Affine frames sampled in one call: blocks that fit the processor's cache are several times as
+#: fast.
 _BLOCK = 50
+#: Samples of a colour histogram along each side of the rectangle.
 _HISTOGRAM_GRID = 12
 
 
 class AffinePatches:
     """
-    Samples of one frame under the images of a rectangle about the origin, of a size.
+    Samples of one frame in the images of a rectangle under several affine transformations.
 
-    Only the region that the images cover is prepared, once, and it's shrunk when the images are
-    larger than what is sampled of them: the cost depends on the number of samples, and neither on
-    the size of the target nor on that of the frame. The transformations, shape (N, 3, 3), map the
-    rectangle into the frame; a patch has `side` samples along each side.
+    The `transformations`, shape (N, 3, 3), map the rectangle, centred at the origin and of `size`
+    (width, height), into the frame; a patch has `side` samples along each side. Only the region
+    that the images cover is prepared, once, and it's downsampled where they have more pixels than
+    samples: the cost depends on the number of samples, not on the size of target or frame.
     """
 
     def __init__(self, frame: Frame, transformations: Array,
@@ -37,13 +39,13 @@ class AffinePatches:
         subset = max(1, stride // 2)
         pixels = frame[low[1]:high[1]:subset, low[0]:high[0]:subset]
         if stride > subset and min(pixels.shape[:2]) > 1:
-            # a subset of the pixels, averaged two by two: a bounded cost without much aliasing
+            # subsampled pixels, averaged two by two: a bounded cost without much aliasing
             pixels = cv2.resize(np.ascontiguousarray(pixels),
                                 (-(-pixels.shape[1] // 2), -(-pixels.shape[0] // 2)),
                                 interpolation=cv2.INTER_AREA)
         self._pixels = np.ascontiguousarray(pixels)
         shown = np.array(self._pixels.shape[1::-1])
-        # the scale of the shrunk region, and its origin, in the frame's pixels
+        # frame pixels per pixel of the downsampled region, and the region's origin in the frame
         self._per_pixel = (high - low) / shown if stride > 1 else np.ones(2)
         self._origin = low
 
@@ -51,7 +53,7 @@ class AffinePatches:
         """
         Return the grey patches in [0, 1], shape (N, side * side).
 
-        What's outside the frame repeats its border.
+        Outside the frame its border is replicated.
         """
         image = self._pixels
         if image.ndim == 3:
@@ -71,7 +73,7 @@ class AffinePatches:
         """
         Return the HSV histograms of a colour frame, shape (N, bins ** 3) [Xiang, sec. 3.3.1].
 
-        They are normalised, except that what's outside the frame is missing.
+        Each sums to the share of its samples that are inside the frame.
         """
         hsv = cv2.cvtColor(self._pixels, cv2.COLOR_BGR2HSV_FULL)
         index = joint_bins(cv2.split(hsv), bins)

@@ -1,4 +1,4 @@
-"""Which colours are the target's, and which its surroundings'."""
+"""Colour model: histograms of target and surroundings, and the foreground probability."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.features import all_colours, rgb555
 from vtrack_ros.frame import Frame
 
+#: Levels that each colour channel is quantised to.
 _LEVELS = 16
-#: Share of the target's size about it that counts for neither: the border is uncertain.
+#: Width of the margin about the target's box that is left out of both histograms, as a share of
+#: the box's size: the target's outline is uncertain.
 _MARGIN = 0.2
-#: Frequency that a colour needs before it's believed.
+#: Added to the denominator of the foreground probability, so that colours seen (almost) nowhere
+#: get a probability near 0.
 _PRIOR = 1e-6
 
 Rectangle = tuple[int, int, int, int]
@@ -24,7 +27,7 @@ Colours = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class ColourModel:
-    """Normalised colour histograms of target and surroundings, and their likelihood ratio."""
+    """Normalised colour histograms of target and surroundings; the foreground probability."""
 
     target: NDArray[np.float32]
     surroundings: NDArray[np.float32]
@@ -37,9 +40,10 @@ class ColourModel:
 
     def updated(self, colours: Colours, inner: Rectangle, rate: float) -> ColourModel:
         """
-        Return the model after one more example, with a weight in the running average.
+        Return the model after one more example, with weight `rate` in the moving average.
 
-        `inner` is the target's (top, bottom, left, right) in `colours`, of `colour_index`.
+        `colours` are a window's bins, of `colour_index`; `inner` is the target's (top, bottom,
+        left, right) in it.
         """
         size = len(self.target)
         top, bottom, left, right = inner
@@ -55,11 +59,11 @@ class ColourModel:
             _averaged(self.surroundings, surroundings, colours.size - near.size, rate))
 
     def probability(self, colours: Colours) -> NDArray[np.float32]:
-        """Return each colour's probability of being the target's, of the same shape."""
+        """Return each pixel's foreground probability by its colour; same shape."""
         return self._probabilities.take(colours)
 
     def mean_probability(self, colours: Colours, inner: Rectangle) -> float:
-        """Return the mean of `probability` over a rectangle, as `updated` takes it; 0 outside."""
+        """Return the mean of `probability` over the rectangle's part in the window, or 0."""
         part = _within(colours, inner)
         return float(self.probability(part).sum()) / max(1, part.size)
 
@@ -72,7 +76,7 @@ class ColourModel:
 
 
 def colour_index(pixels: Frame) -> Colours:
-    """Return each pixel's bin, shape (rows, columns); a grey frame has the first 32."""
+    """Return each pixel's bin, shape (rows, columns); a grey frame uses the first 32."""
     if pixels.ndim == 2:
         return (pixels >> 3).astype(np.intp)
     return _bins().take(rgb555(pixels))
@@ -87,7 +91,7 @@ def _bins() -> Colours:
 
 
 def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Return the mean over a box of that size (width, height) about every pixel."""
+    """Return the mean over a box of `size` (width, height) about every pixel; outside it's 0."""
     mean: NDArray[np.float32] = cv2.blur(probability, size, borderType=cv2.BORDER_CONSTANT)
     return mean
 
@@ -101,7 +105,7 @@ def _within(colours: Colours, rectangle: Rectangle) -> Colours:
 def _averaged(
         mean: NDArray[np.float32], counts: NDArray[np.intp], total: int, rate: float,
         ) -> NDArray[np.float32]:
-    """Return the running average after one more histogram of so many pixels."""
+    """Return the moving average after one more histogram, the `counts` of `total` pixels."""
     averaged: NDArray[np.float32] = counts.astype(np.float32)
     averaged *= np.float32(rate / max(1, total))
     averaged += np.float32(1 - rate) * mean

@@ -1,4 +1,4 @@
-"""A correlation filter that sees the target alone, whatever is behind it."""
+"""A correlation filter whose support is the target's box, without any background."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from vtrack_ros.appearance.regression import (
     transform_matrices)
 from vtrack_ros.frame import Point
 
-#: Ridge of the filter [Lukezic2017, lambda], and the penalty of the first step, by what it grows.
+#: Regularisation of the filter [Lukezic2017, lambda]; ADMM's penalty in the first iteration, and
+#: the factor by which it grows in each one.
 _RIDGE, _PENALTY, _GROWTH = 0.01, 5.0, 3.0
+#: Iterations of the ADMM.
 _STEPS = 2
-#: The least answer of a channel to what it was learned from.
+#: Lower bound of a channel's reliability, its peak response to the example it was learned from.
 _LEAST = 1e-4
 
 
@@ -28,22 +30,22 @@ class ConstrainedFilter(CorrelationFilter):
     A correlation filter whose support is the target's box, so that no background is in it.
 
     A filter that was learned from a whole window follows the ground where the camera follows the
-    target. Confining it afterwards isn't the same as learning what can be told from the box alone,
-    which the alternating direction method of multipliers does, one channel at a time [Lukezic et
-    al. 2017, eqs 6-10]: the numerator is the filter itself. Channels count by their own response
-    to the example [eq. 11].
+    target. Masking it afterwards isn't the same as learning from the box alone, as is done here by
+    the alternating direction method of multipliers (ADMM), one channel at a time [Lukezic et al.
+    2017, eqs 6-10]. The `numerator` is the filter itself. Channels are weighted by their peak
+    response to the example [eq. 11].
 
-    `support` are the matrices that confine a spectrum to the target's box.
+    `support` are the matrices that confine a spectrum to the target's box, of `support_matrices`.
     """
 
     support: tuple[Spectrum, NDArray[np.float32], Spectrum]
 
-    #: It learns more slowly than others: it's what remembers the target.
+    #: Learning rate; lower than the unconstrained filter's, so that this one remembers longer.
     RATE: ClassVar[float] = 0.01
 
     @classmethod
     def within(cls, width: float, height: float, empty: CorrelationFilter) -> ConstrainedFilter:
-        """Make an empty filter for a target of that size in cells, otherwise like another."""
+        """Make an empty filter for a target of that size, in cells, otherwise like `empty`."""
         rows, columns = empty.shape
         return cls(np.zeros((1, *empty.label.shape), np.complex64),
                    np.ones(empty.label.shape, np.float32), empty.label, empty.shape, 0.0,
@@ -51,7 +53,7 @@ class ConstrainedFilter(CorrelationFilter):
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> ConstrainedFilter:
-        """Return the filter after one more example, with a weight in the running average."""
+        """Return the filter after one more example, with weight `rate` in the moving average."""
         fresh = replace(self, numerator=self._learned(spectrum, shift))
         return self.mixed(fresh, rate) if rate < 1 else fresh
 
@@ -81,7 +83,7 @@ class ConstrainedFilter(CorrelationFilter):
         return confined
 
     def _confined(self, spectrum: Spectrum) -> Spectrum:
-        """Return the spectrum of what is within the support."""
+        """Return the spectrum of the maps masked by the support."""
         to_rows, within_columns, from_rows = self.support
         within: Spectrum = from_rows @ ((to_rows @ spectrum).view(np.float32)
                                         @ within_columns).view(np.complex64)
@@ -92,10 +94,11 @@ class ConstrainedFilter(CorrelationFilter):
 def support_matrices(rows: int, columns: int, width: float, height: float,
                      ) -> tuple[Spectrum, NDArray[np.float32], Spectrum]:
     """
-    Return what takes away from a spectrum all that is not in a box about (0, 0), cyclically.
+    Return the matrices that mask a spectrum's maps by a box about (0, 0), cyclically.
 
-    Matrices for its left, to the box's rows alone; for the right of those, real and imaginary
-    parts interleaved; and for the left, back to the spectrum. Sizes are in cells.
+    They are multiplied in turn: the first from the left, which gives the box's rows alone; the
+    second from the right, where real and imaginary parts are interleaved; the third from the left,
+    which gives a spectrum again. Sizes are in cells.
     """
     down, across = side_support(rows, height), side_support(columns, width)
     inside = down > 0

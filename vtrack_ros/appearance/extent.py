@@ -1,4 +1,4 @@
-"""How large the thing about a point is: the boxes that differ from their surroundings."""
+"""Estimate a target's extent from a point on it: boxes that differ from their surroundings."""
 
 import math
 
@@ -10,37 +10,38 @@ from vtrack_ros.appearance.sampling import shrunk
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 
-#: The windows that are looked at: their side, and the sizes sought there, in image heights. What
-#: has fewer pixels a side than that can't be told, unless the image has no more itself.
+#: Windows about the point: (side, sizes of the candidates in it), in image heights.
 _WINDOWS = ((0.12, np.geomspace(0.01, 0.02, 4)[:-1]), (0.35, np.geomspace(0.02, 0.1, 8)[:-1]),
             (1.4, np.geomspace(0.1, 0.55, 9)[:-1]), (2.4, np.geomspace(0.55, 1.0, 4)))
+#: Least size of a candidate, [px], or the image height if that is less.
 _LEAST_SIZE = 8.0
 #: Width over height of the candidates.
 _ASPECTS = np.array([0.33, 0.45, 0.62, 0.8, 1.0, 1.25, 1.7, 2.2])
-#: A window is reduced to so many pixels a side, and to so many colours.
+#: Upper bound of a window's sides after downsampling, [px], and number of quantised colours.
 _SIDE, _COLOURS = 128, 16
-#: Lightness counts for less than colour: shadows fall on targets too.
+#: Factor on the lightness before colours are quantised; below 1: shadows fall on targets too.
 _LIGHTNESS = 0.6
-#: How far the surroundings of colour and of texture reach, in mean sides from the box's border;
-#: half the width of a band along that, in sides.
+#: Width of the surroundings that a box is compared with in colour, and in texture, in mean sides
+#: from its border; half the width of the band along a border where edges count, in sides.
 _COLOURS_ABOUT, _TEXTURE_ABOUT, _BAND = 0.2, 0.3, 0.12
-#: What a nat of difference in colour counts, one of more texture, one of edges at the border, and
-#: one of the prior.
+#: Weights in a candidate's log score, [1/nat]: colour difference, texture contrast, edges along
+#: the border, and log prior.
 _COLOUR, _TEXTURE, _BORDER, _PRIOR = 8.0, 3.0, 1.5, 0.5
-#: What is added to a mean gradient, that noise be no texture, in eighths of a grey level.
+#: Added to a mean gradient before its logarithm, so that noise doesn't count as texture; in
+#: eighths of a grey level.
 _LEAST_GRADIENT = 5.0
-#: So many pixels with the window's mean gradient count beside those of a box or a band: where
-#: there are few, or none, they say little.
+#: Pseudo-count: number of pixels with the window's mean gradient that are added to those of a box
+#: or a band, so that one with few or no pixels of its own has little influence.
 _USUAL_PIXELS = 9.0
-#: Mean and standard deviation of the logarithms of size, in roots of the image height (what is
-#: clicked on in larger images has more pixels, but a smaller share of them), and of aspect.
+#: Prior: (mean, standard deviation) of log(size / sqrt(image height)), both in pixels, and of
+#: log(aspect). The root, since targets in larger images have more pixels, but a smaller share.
 _SIZE, _ASPECT = (np.log(2.7), 0.7), (-0.25, 0.5)
-#: The target is cut out of a part of the image that reaches that far about its box, in mean sides,
-#: reduced to so many pixels a side. The middle of the box, that share of its sides, is the
-#: target's; what is further than so many times them isn't.
+#: Segmentation (GrabCut): margin of the image part about the box, in mean sides; upper bound of
+#: its sides after downsampling, [px]; share of the box's sides, about its centre, that is marked
+#: as surely target; multiple of the box's sides beyond which all is marked as surely background.
 _CUT_ABOUT, _CUT_SIDE, _SURELY, _AT_MOST = 0.6, 96, 0.5, 1.6
-#: Iterations of the cut, the least side of what something is cut out of, in pixels, whose square
-#: is the least of either label, and the share of what is cut out beyond each of its bounds, [%].
+#: Segmentation: iterations; least side of the image part, [px], whose square is the least number
+#: of pixels of either label; share of the segment left out beyond each bound of its box, [%].
 _ITERATIONS, _LEAST_CUT, _BEYOND = 3, 8, 1.0
 
 
@@ -48,13 +49,13 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     """
     Return the box about a point that is most probably the target's extent.
 
-    The candidates are boxes centred at the point, in four windows of the frame. How probable each
-    is tell four things: the Jensen-Shannon divergence of the colours inside it from those about
-    it; that there is more texture inside than about it; edges along its four sides; and how common
-    its size and aspect are among targets. The answer is the candidate with the highest expected
-    overlap with the target under these probabilities, not the likeliest one: each of them has many
-    maxima, at parts of the target and at what it's a part of. A click is seldom at the centre: the
-    box goes half-way to the bounds of what is cut out there.
+    The candidates are boxes centred at the point, in four windows of the frame. A candidate's
+    probability has four factors: the Jensen-Shannon divergence between the colours inside and
+    around it; how much more texture is inside than around it; edges along its four sides; and a
+    prior of its size and aspect. The result is the candidate with the highest expected overlap
+    with the target under these probabilities, not the most probable one: each factor has many
+    maxima, at parts of the target and at what the target is a part of. Since a click is seldom at
+    the centre, the box is then averaged with that of the target as segmented there.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
 
 def _candidates(frame: Frame, x: float, y: float, side: float,
                 sizes: Array) -> tuple[Array, Array]:
-    """Return widths and heights [px], shape (n, 2), in a window about a point, and log scores."""
+    """Return a window's candidates, (width, height) [px], shape (n, 2), and their log scores."""
     height, width = frame.shape[:2]
     left, top = int(max(0, x - side / 2)), int(max(0, y - side / 2))
     right, bottom = int(min(width, x + side / 2 + 1)), int(min(height, y + side / 2 + 1))
@@ -100,7 +101,7 @@ def _candidates(frame: Frame, x: float, y: float, side: float,
 
 
 def _reduced(window: Frame, side: int) -> Frame:
-    """Return a window, in colour, no side of which has more pixels than that."""
+    """Return a window in colour, downsampled to at most `side` pixels a side."""
     window = shrunk(window, side)
     if window.ndim == 2:
         window = np.asarray(cv2.cvtColor(window, cv2.COLOR_GRAY2BGR), np.uint8)
@@ -108,7 +109,7 @@ def _reduced(window: Frame, side: int) -> Frame:
 
 
 def _difference_in_colour(window: Frame, boxes: Array) -> Array:
-    """Return by how much the colours in boxes differ from those about them, in nats."""
+    """Return the divergence between the colours inside boxes and around them, in nats."""
     table = _summed(_colours(window)[..., None] == np.arange(_COLOURS))
     inside = _sums(table, boxes)
     about = _sums(table, _grown(boxes, _COLOURS_ABOUT)) - inside
@@ -116,10 +117,10 @@ def _difference_in_colour(window: Frame, boxes: Array) -> Array:
 
 
 def _edges(window: Frame, boxes: Array) -> Array:
-    """Return what texture in boxes counts, and edges along their sides."""
+    """Return the boxes' log scores by texture contrast and by edges along their borders."""
     grey = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY).astype(np.float32)
     across, down = (np.abs(cv2.Sobel(grey, cv2.CV_32F, *order)) for order in ((1, 0), (0, 1)))
-    # of the gradients and, last, of pixels
+    # gradient magnitude, horizontal and vertical gradient and, last, number of pixels
     kinds = np.stack([np.hypot(across, down), across, down, np.ones_like(grey)], axis=-1)
     table = _summed(kinds)
 
@@ -130,7 +131,7 @@ def _edges(window: Frame, boxes: Array) -> Array:
         return np.asarray(np.log(mean + _LEAST_GRADIENT))
     inside = _sums(table, boxes)
     about = _sums(table, _grown(boxes, _TEXTURE_ABOUT)) - inside
-    # what is of one colour may well be the target
+    # less texture inside than around isn't penalised: a target may be of one colour
     texture = np.maximum(strength(inside, 0) - strength(about, 0), 0)
     (x0, y0, x1, y1), (x, y) = boxes.T, _BAND * (boxes[:, 2:] - boxes[:, :2]).T
     bands = ((1, (x0 - x, y0, x0 + x, y1)), (1, (x1 - x, y0, x1 + x, y1)),
@@ -140,11 +141,11 @@ def _edges(window: Frame, boxes: Array) -> Array:
 
 
 def _colours(window: Frame) -> NDArray[np.int32]:
-    """Return which of its few colours each pixel of a reduced window has."""
+    """Return each pixel's label after quantising a window's colours by k-means."""
     lab = cv2.cvtColor(window, cv2.COLOR_BGR2LAB).astype(np.float32)
     lab[..., 0] *= _LIGHTNESS
     pixels = cv2.GaussianBlur(lab, (0, 0), 0.7).reshape(-1, 3)
-    # Begun from the lightness, the clusters need no random numbers.
+    # The initial clusters are quantiles of the lightness: no random numbers are needed.
     ranks = np.empty(len(pixels), np.int32)
     ranks[np.argsort(pixels[:, 0], kind='stable')] = np.arange(len(pixels))
     labels = (ranks * _COLOURS // len(pixels)).astype(np.int32)[:, None]
@@ -157,9 +158,9 @@ def _colours(window: Frame) -> NDArray[np.int32]:
 
 def _cut_out(frame: Frame, box: Box) -> Box:
     """
-    Return the bounds of what is cut out of a frame about a box [Rother et al. 2004].
+    Return the bounds of the target as GrabCut segments it about a box [Rother et al. 2004].
 
-    Where there's nothing to tell apart, that's the box.
+    The box itself is returned if the image part or the pixels of either label are too few.
     """
     x, y, width, height = box.as_array()
     about = _CUT_ABOUT * math.sqrt(box.area)
@@ -176,10 +177,10 @@ def _cut_out(frame: Frame, box: Box) -> Box:
         (x0, y0), (x1, y1) = (np.maximum(corner, 0).astype(int) for corner in (
             middle - reach * half, middle + reach * half + 1))
         mask[y0:y1, x0:x1] = label
-    # the target's labels are the odd ones
+    # the target's labels, sure and probable, are the odd numbers
     if min(np.bincount(mask.ravel() & 1, minlength=2)) < _LEAST_CUT**2:
         return box
-    # so that it has the same chances again
+    # a fixed seed, so that the result is reproducible
     cv2.setRNGSeed(0)
     nothing = np.zeros((1, 65))
     cv2.grabCut(part, mask, None, nothing, nothing.copy(), _ITERATIONS, cv2.GC_INIT_WITH_MASK)
@@ -191,7 +192,7 @@ def _cut_out(frame: Frame, box: Box) -> Box:
 
 
 def _grown(boxes: Array, share: float) -> Array:
-    """Return boxes that reach further in each direction by that share of their mean side."""
+    """Return boxes extended in each direction by a share of their mean side."""
     more = share * np.sqrt((boxes[:, 2:] - boxes[:, :2]).prod(axis=1, keepdims=True))
     return np.concatenate([boxes[:, :2] - more, boxes[:, 2:] + more], axis=1)
 
@@ -204,7 +205,7 @@ def _summed(values: Array) -> Array:
 
 
 def _sums(table: Array, boxes: Array) -> Array:
-    """Return the sums of a table in boxes (x0, y0, x1, y1), as far as they are inside."""
+    """Return the sums over boxes (x0, y0, x1, y1), clipped to the image, from its table."""
     limit = np.array(table.shape[1::-1]) - 1
     (x0, y0), (x1, y1) = (np.clip(np.round(corner), 0, limit).astype(int).T
                           for corner in (boxes[:, :2], boxes[:, 2:]))
@@ -212,7 +213,7 @@ def _sums(table: Array, boxes: Array) -> Array:
 
 
 def _shares(counts: Array) -> Array:
-    """Return the colours' shares, even the rarest of which is possible."""
+    """Return the colours' shares, smoothed by a pseudo-count so that none is 0."""
     return np.asarray((counts + 0.5 / _COLOURS) / (counts.sum(axis=1, keepdims=True) + 0.5))
 
 

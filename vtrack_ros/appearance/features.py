@@ -1,5 +1,5 @@
 """
-What is computed of a window's samples: oriented gradients and colour names.
+Features of a window's samples: oriented gradients and colour names.
 
 Every function's cost depends on the number of samples alone.
 """
@@ -17,34 +17,38 @@ from vtrack_ros.frame import Array, Frame
 #: A window's features: float32, shape (channels, rows, columns).
 Features = NDArray[np.float32]
 
+#: Bins of the gradient's direction, over a full turn, and of its orientation, over half a turn.
 _SIGNED = 18
 _UNSIGNED = 9
 #: Channels of `oriented_gradients`.
 GRADIENT_CHANNELS = _SIGNED
-#: No channel grows beyond this share of its block's energy [Dalal and Triggs 2005, sec. 6.4].
+#: Upper clip of a bin, as a share of its block's norm [Dalal and Triggs 2005, sec. 6.4].
 _TRUNCATION = 0.2
 #: Gradient, in grey levels, below which a cell counts as noise and isn't amplified.
 _NOISE = 8.0
 
-#: Colours of 15 bits, to look up what is known of them.
+#: Number of 15-bit colours, the length of lookup tables.
 COLOURS = 1 << 15
 #: Channels of `colour_names`.
 COLOUR_CHANNELS = 7
+#: Prototypes of the eleven colour names, in the order of `colour_names`.
 _NAMES_BGR = np.array([
     (0, 0, 0), (230, 80, 20), (20, 60, 110), (128, 128, 128), (40, 150, 40), (0, 140, 255),
     (180, 105, 255), (150, 30, 130), (40, 40, 220), (255, 255, 255), (0, 230, 240)], np.uint8)
+#: Standard deviation of the Gaussian kernel about a prototype, in CIE Lab.
 _SPREAD = 22.0
-#: Lightness varies with the light: it counts for less than hue and chroma.
+#: Weight of lightness in the squared distance, where a and b have 1: it varies with the light.
 _LIGHTNESS_WEIGHT = 0.5
-#: Chroma beyond which colours are rare in natural images.
+#: Standard deviation of a and b in the colours of natural images: those far beyond are rare.
 _USUAL_CHROMA = 30.0
 
 
 def describe(grey: Frame, cells: Frame, cell: int) -> Features:
     """
-    Return the features of a window: oriented gradients, lightness and, of colour, colour names.
+    Return the features of a window: oriented gradients, lightness and, in colour, colour names.
 
-    `grey` is the window, its cells so many pixels wide; `cells` has one pixel for each cell.
+    `grey` is the window, whose cells are `cell` pixels wide; `cells`, in colour or grey, has one
+    pixel for each cell.
     """
     colour = cells.ndim == 3
     channels = GRADIENT_CHANNELS + 1 + colour * COLOUR_CHANNELS
@@ -63,12 +67,12 @@ def oriented_gradients(
     """
     Return contrast-normalised histograms of gradient orientation, shape (18, rows, columns).
 
-    The 18 signed and 9 unsigned orientations a cell of Felzenszwalb et al. (2010), with one block
-    of 3 x 3 cells for the normalisation in place of their four of 2 x 2, folded into 18 channels
-    that have the same scalar products: with s and t in opposite directions, those of (s, t, s + t)
-    are those of `(sqrt(3/2) (s + t), sqrt(1/2) (s - t))`. Of a cell's side in pixels; nine sums,
-    then nine differences, of the directions from 0 to 160 degrees and those opposite to them, with
-    magnitudes below 1.
+    They are the 18 signed and 9 unsigned orientations per cell of Felzenszwalb et al. (2010), but
+    normalised by one block of 3 x 3 cells in place of their four of 2 x 2, and reduced to 18
+    channels with the same scalar products: for the bins s and t of opposite directions, those of
+    (s, t, s + t) equal those of `(sqrt(3/2) (s + t), sqrt(1/2) (s - t))`. The channels are nine
+    such sums, then nine differences, for the directions from 0 to 160 degrees, with magnitudes
+    below 1. `cell` is a cell's side in pixels.
     """
     rows, columns = grey.shape[0] // cell, grey.shape[1] // cell
     level = grey.astype(np.float32)
@@ -79,7 +83,7 @@ def oriented_gradients(
     bins = cv2.convertScaleAbs(cv2.phase(along[0], along[1]), alpha=_SIGNED / (2 * np.pi))
     index = np.multiply(bins, rows * columns, dtype=np.intp)
     index += _cells(rows, columns, cell)
-    # OpenCV 4.6 rounds its own magnitude by where the arrays lie in memory: no two runs agree
+    # cv2.magnitude of OpenCV 4.6 rounds depending on the arrays' addresses: no two runs agree
     along *= along
     magnitude = np.add(along[0], along[1], out=along[0])
     np.sqrt(magnitude, out=magnitude)
@@ -112,19 +116,19 @@ def _cells(rows: int, columns: int, cell: int) -> NDArray[np.intp]:
 
 def colour_names(pixels: Frame) -> Features:
     """
-    Return each pixel's membership in eleven colours, less its mean over all colours, folded.
+    Return each pixel's membership in eleven colour names, reduced to seven dimensions.
 
-    Black, blue, brown, grey, green, orange, pink, purple, red, white and yellow (Berlin and Kay),
-    by a Gaussian kernel on the distance in CIE Lab; of these eleven dimensions the seven in which
-    usual colours, those near grey, have most of their energy. From (rows, columns, 3) to (7, rows,
-    columns).
+    The names are black, blue, brown, grey, green, orange, pink, purple, red, white and yellow
+    (Berlin and Kay). The memberships, by a Gaussian kernel on the distance in CIE Lab and less
+    their mean over all colours, are projected on the seven principal axes in which usual colours,
+    those near grey, have most of their energy. From (rows, columns, 3) to (7, rows, columns).
     """
     return _table().take(rgb555(pixels), axis=0).transpose(2, 0, 1)
 
 
 @lru_cache(maxsize=1)
 def _table() -> NDArray[np.float32]:
-    """Return the numbers of all 15-bit colours, shape (32768, CHANNELS)."""
+    """Return the channels of all 15-bit colours, shape (COLOURS, COLOUR_CHANNELS)."""
     names = memberships()
     lab = _lab(all_colours()[0])
     frequency = np.exp(-(lab[:, 1:]**2).sum(1) / (2 * _USUAL_CHROMA**2))
@@ -136,7 +140,7 @@ def memberships() -> Array:
     """Return the memberships of all 15-bit colours, less their mean, shape (32768, 11)."""
     difference = _lab(all_colours()[0])[:, None] - _lab(_NAMES_BGR)[None]
     distance2 = difference**2 @ np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0])
-    # the nearest name keeps a membership however far it is
+    # relative to the nearest name, so that no colour, however far from all, divides 0 by 0
     nearness = np.exp(-(distance2 - distance2.min(1, keepdims=True)) / (2 * _SPREAD**2))
     membership: Array = nearness / nearness.sum(1, keepdims=True)
     return membership - membership.mean(0)
@@ -156,7 +160,7 @@ def rgb555(pixels: Frame) -> NDArray[np.uint16]:
 
 
 def all_colours() -> Frame:
-    """Return the middle of each of the colours, in order, shape (1, COLOURS, 3), BGR."""
+    """Return the centre, in BGR, of each 15-bit colour in order, shape (1, COLOURS, 3)."""
     number = np.arange(COLOURS)
     levels = np.stack([number & 31, number >> 5 & 31, number >> 10], axis=-1)
     return (levels * 8 + 4).astype(np.uint8)[np.newaxis]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.frame import Array, Frame
 
-#: Boxes side by side: shape (N, 4), (centre x, centre y, width, height) in pixels.
+#: Boxes, shape (N, 4): (centre x, centre y, width, height) in pixels.
 Boxes = Array
 
 
@@ -20,9 +20,10 @@ class ColourHistogram:
     count as a colour that no target has, so that a box which leaves the image loses similarity in
     proportion. A grey frame gets an intensity histogram.
 
-    A channel has `bins` levels, by default the paper's 6 [Zhu2012, sec. 5], a grey frame `bins`
-    squared. The kernel is 'flat', or 'epanechnikov' for the profile 1 - r^2 on the inscribed
-    ellipse [Qi2012, eq. 5]. There are `grid` sample points along each side of a box.
+    Each colour channel is quantised to `bins` levels, by default the paper's 6 [Zhu2012, sec. 5],
+    which gives K = bins ** 3 joint bins; a grey frame is quantised to K = bins ** 2. The kernel is
+    'flat', or 'epanechnikov' for the profile 1 - r^2 on the inscribed ellipse [Qi2012, eq. 5].
+    There are `grid` sample points along each side of a box.
     """
 
     def __init__(self, bins: int = 6, kernel: str = 'flat', grid: int = 12) -> None:
@@ -33,7 +34,7 @@ class ColourHistogram:
         self._weights: Array = (weights / weights.sum()).ravel()
 
     def reference(self, frame: Frame, box: Array) -> Array:
-        """Return the normalised histogram of a box (cx, cy, width, height): shape (bins,)."""
+        """Return the normalised histogram of a box (cx, cy, width, height): shape (K,)."""
         histogram: Array = self.histograms(frame, box[None])[0]
         return histogram / max(float(histogram.sum()), 1e-12)
 
@@ -42,7 +43,7 @@ class ColourHistogram:
         return np.sqrt(self.histograms(frame, boxes)) @ np.sqrt(reference)
 
     def histograms(self, frame: Frame, boxes: Boxes) -> Array:
-        """Return the histograms, shape (N, bins), of sum <= 1: what's outside is missing."""
+        """Return the histograms, shape (N, K), of sum <= 1: points outside don't count."""
         index, left, top, stride = self._bin_image(frame, boxes)
         return sampled_histograms(
             index, self._levels(frame), _moved(boxes, left, top, stride), self.grid, self._weights)
@@ -51,7 +52,7 @@ class ColourHistogram:
         return self.bins**3 if frame.ndim == 3 else self.bins**2
 
     def _bin_image(self, frame: Frame, boxes: Boxes) -> tuple[NDArray[np.intp], int, int, int]:
-        """Return the bins in the boxes' region, its left and top, and its stride in pixels."""
+        """Return the bins in the boxes' region, subsampled, its left and top, and the stride."""
         height, width = frame.shape[:2]
         half = boxes[:, 2:] / 2
         low, high = (boxes[:, :2] - half).min(0), (boxes[:, :2] + half).max(0)
@@ -67,7 +68,7 @@ class ColourHistogram:
 
 
 def joint_bins(channels: Sequence[Frame], levels: int) -> NDArray[np.intp]:
-    """Return the joint bin of channels of equal shape, each divided into so many levels."""
+    """Return the joint bin of channels of equal shape, each quantised to `levels` levels."""
     level = (np.arange(256) * levels) >> 8
     bins = level[channels[0]]
     for channel in channels[1:]:
@@ -80,8 +81,8 @@ def sampled_histograms(index: NDArray[np.intp], levels: int, boxes: Boxes, grid:
     """
     Return the histogram of each box over an image of bin numbers, shape (N, levels).
 
-    Boxes are in pixels of `index`, and sampled at `grid` times `grid` points of those weights;
-    points outside the image are missing.
+    Boxes are in pixels of `index`, and sampled at `grid` times `grid` points with the given
+    weights; points outside the image don't count.
     """
     count = len(boxes)
     if not index.size:
@@ -113,11 +114,11 @@ def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int) -> ND
 
 
 def _offsets(grid: int) -> Array:
-    """Return where a box's sample points are, as shares of its side from its centre."""
+    """Return the offsets of a box's sample points along a side from its centre, in sides."""
     return (np.arange(grid) + 0.5) / grid - 0.5
 
 
 def _moved(boxes: Boxes, left: int, top: int, stride: int) -> Boxes:
-    """Return the boxes in pixels of a region that begins at (left, top), every stride-th one."""
+    """Return the boxes in pixels of a region at (left, top) that is subsampled by `stride`."""
     moved: Boxes = (boxes - np.array([left, top, 0, 0])) / stride
     return moved

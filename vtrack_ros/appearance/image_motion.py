@@ -1,4 +1,4 @@
-"""How the whole image moved from one frame to the next, and how the target did."""
+"""Motion of the ground and of the target between two frames: phase correlation, optical flow."""
 
 from __future__ import annotations
 
@@ -15,54 +15,54 @@ from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 
-#: Columns of a sparse picture, and of the coarser one in it; at most twice as many.
+#: Columns of a sparse picture, and of the coarse one made of it: subsampled to 1 to 2 times this.
 _COLUMNS, _COARSE_COLUMNS = 128, 64
-#: A picture with fewer rows or columns shows nothing.
+#: Least rows and columns of a picture; in a smaller one no motion is measured.
 _SMALLEST = 8
-#: Share of the energy in the correlation's peak below which nothing is known; where it's far.
+#: Least share of energy in the phase correlation's peak: in `camera_step`, in `ground_step`.
 _RELIABLE, _FAR_RELIABLE = 0.45, 0.15
 
-#: Points of the ground, across and down the image, and those about the target that may be parts of
-#: it: as near as that to its middle, in sides.
+#: Grid of ground points: columns, rows; and half the size, in target sides, of the area about the
+#: target's centre whose points are left out, as they may be on the target.
 _ACROSS, _DOWN, _TARGETS = 6, 5, 0.65
-#: One of the ground shows nothing where its surroundings have less texture than that.
+#: Lower bound of the texture (least eigenvalue) about a ground point.
 _TEXTURE = 1e-3
-#: They agree where so many, and this share of those followed, went as near as that to their median
-#: step, in samples.
+#: Consensus of the ground points: least number of inliers, least share of inliers among the points
+#: followed, and an inlier's largest deviation from their median step in x and y, in samples.
 _LEAST_POINTS, _SHARE, _ALIKE = 6, 0.4, 1.0
 
-#: Points along each side of the target, and which share of it they cover.
+#: Grid of target points: number along each side, and the share of the side that its cells cover.
 _POINTS, _COVERED = 6, 0.9
 _STEPS = _COVERED * ((np.arange(_POINTS) + 0.5) / _POINTS - 0.5)
 #: The points, shape (N, 1, 2), from the target's centre, in sides.
 _GRID = np.stack(np.meshgrid(_STEPS, _STEPS), axis=-1).reshape(-1, 1, 2)
-#: Side of what is compared about a point, in samples, and halvings of the picture beside itself.
+#: Lucas-Kanade: side of the window about a point, in samples; pyramid levels above the picture.
 _WINDOW, _HALVINGS = 9, 2
-#: A point is looked for in so many steps, or until one is so short, in samples.
+#: Termination of Lucas-Kanade: iterations, and step, in samples, below which it has converged.
 _UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 8, 0.03)
-#: The least texture about a point [Shi and Tomasi 1994].
+#: Lower bound of the texture (least eigenvalue) about a target point [Shi and Tomasi 1994].
 _LEAST_TEXTURE = 1e-4
-#: A point is followed if it comes back as near as that to where it began, in samples.
+#: Upper bound of the forward-backward error of a point that counts as followed, in samples.
 _CAME_BACK = 1.0
-#: A point moves with the target if it's as near as that to where the others say, in samples.
+#: Upper bound of an inlier's distance from its place by the similarity transform, in samples.
 _AGREES = 0.5
-#: Which share of all points has to be followed, and to agree about the growth.
+#: Least share of all target points that have to be followed, and to be inliers.
 _AGREEING = 0.5
-#: By which logarithm a target grows in a frame, at least, to be told from noise, and at most.
+#: Bounds of |log growth| in a frame: less can't be told from noise, more isn't believed.
 _LEAST, _LARGEST = 0.01, 0.1
-#: By which angle a target turns in a frame, likewise, [rad].
+#: Bounds of |rotation| in a frame, likewise, [rad].
 _LEAST_TURN, _LARGEST_TURN = 0.005, 0.5
-#: They went together if of those followed this share is within that distance of their median
-#: step, in sides.
+#: Target points moved together if at least this share of those followed is within this distance,
+#: in target sides, of their median step.
 _TOGETHER, _NEAR = 0.9, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class SparsePicture:
     """
-    Every so manieth pixel of a frame, which tells how the whole image moved.
+    A frame subsampled to every `stride`-th pixel, to measure how the whole image moved.
 
-    Neighbours in `pixels` are `stride` pixels apart in the frame: large ones cost no more.
+    The cost doesn't grow with the size of the frame.
     """
 
     pixels: Frame
@@ -70,7 +70,7 @@ class SparsePicture:
 
     @classmethod
     def of(cls, frame: Frame) -> SparsePicture:
-        """Copy some of a frame's pixels; of colours the green."""
+        """Subsample a frame; of a colour frame only the green channel."""
         stride = max(1, frame.shape[1] // _COLUMNS)
         pixels = frame[::stride, ::stride]
         return cls(np.ascontiguousarray(pixels[:, :, 1] if pixels.ndim == 3 else pixels), stride)
@@ -85,12 +85,12 @@ class SparsePicture:
 
     def ground_step(self, later: SparsePicture, target: Box, far: bool = False) -> Point | None:
         """
-        Return the ground's step about a target until another picture, in pixels, or None.
+        Return the ground's step about a target to a later picture, [px], or None if unknown.
 
-        To a part of a pixel: points beside the target, which was in that box of the frame, are
-        followed [Lucas and Kanade 1981], and the ground's are those where enough of them agree.
-        They are for an eighth of the picture; `far` beyond it, from where phase correlation of the
-        whole picture says, which is believed alone if too few of them are still seen.
+        Points beside `target`, its box in this frame, are followed with subpixel accuracy [Lucas
+        and Kanade 1981]; the step is the mean of those that agree. That works up to an eighth of
+        the picture. If too few agree and `far` is set, they are followed again from the step by
+        phase correlation of the whole picture; if too few agree again, that step is returned.
         """
         if min(self.pixels.shape) < _SMALLEST:
             return None
@@ -108,14 +108,14 @@ class SparsePicture:
 
     @cached_property
     def _coarse(self) -> tuple[NDArray[np.float32], int]:
-        """Return every so manieth of the pixels, and the stride in the frame."""
+        """Return the pixels, subsampled once more, and their stride in the frame."""
         every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
         coarse = np.ascontiguousarray(self.pixels[::every, ::every], np.float32)
         return coarse, every * self.stride
 
     @property
     def _alone(self) -> NDArray[np.float32]:
-        """Return the picture with as much of nothing beside it: a shift leads out of it."""
+        """Return the windowed picture, zero-padded to twice its sides: no shift wraps around."""
         rows, columns = self.pixels.shape
         alone = np.zeros((2 * rows, 2 * columns), np.float32)
         alone[:rows, :columns] = (self.pixels - self.pixels.mean()) * _half_sines(rows, columns)
@@ -123,14 +123,14 @@ class SparsePicture:
 
     def _agreed(self, later: SparsePicture, points: NDArray[np.float32],
                 about: Point) -> Point | None:
-        """Return the step that points agree on, [px]; it's looked for about one in samples."""
+        """Return the step that points agree on, [px]; `about` is its first guess, in samples."""
         if len(points) < _LEAST_POINTS:
             return None
         there, found = _followed(self.pixels, later.pixels, points, _TEXTURE, about)
         steps = (there - points)[found, 0]
         if (count := len(steps)) < _LEAST_POINTS:
             return None
-        # their median: NumPy's own takes as long as all else here
+        # the median by hand: NumPy's function takes as long as all the rest here
         order = np.sort(steps, axis=0)
         apart = np.abs(steps - (order[(count - 1) // 2] + order[count // 2]) / 2)
         alike = steps[(apart[:, 0] < _ALIKE) & (apart[:, 1] < _ALIKE)]
@@ -163,11 +163,11 @@ def _ground_points(rows: int, columns: int) -> NDArray[np.float32]:
 @dataclass(frozen=True)
 class TargetMotion:
     """
-    What those of a target's points did that were followed from one frame to another.
+    The motion of those points of a target that were followed from one frame to another.
 
-    `before` and `after`, shape (N,), are where they were and are, in pixels, as complex numbers
-    whose real part is x, of `points` all together. The target had that `side`, and the picture so
-    many `samples` a pixel. The window that they are from was turned by that `angle`, [rad].
+    `before` and `after`, shape (N,), are their places in the window, [px], as complex numbers with
+    x as the real part; `points` is the number tried. `side` is the target's mean side, [px],
+    `samples` the picture's samples per pixel, `angle` the window's rotation, [rad].
     """
 
     before: NDArray[np.complex128]
@@ -179,7 +179,7 @@ class TargetMotion:
 
     @cached_property
     def step(self) -> Point | None:
-        """Return where the target went, in pixels, if nearly all of its points went together."""
+        """Return the target's step, in pixels, if nearly all of its points moved together."""
         if self._few:
             return None
         steps = self.after - self.before
@@ -205,18 +205,18 @@ class TargetMotion:
     @cached_property
     def _similarity(self) -> complex | None:
         """
-        Return the factor and the rotation, as one number, of how the target moved.
+        Return the target's scale factor and rotation as one complex number, or None.
 
-        Of the similarity transform that most points agree on: a consensus over pairs of
-        points that are far apart on the grid, always the same ones [Fischler and Bolles 1981], and
-        a least-squares fit to those that agree. OpenCV's own differs between its versions.
+        They are those of the similarity transform that most points agree on: a consensus [Fischler
+        and Bolles 1981] over a fixed set of pairs of points that are far apart on the grid, and a
+        least-squares fit to the inliers. OpenCV's own estimator differs between its versions.
         """
         if self._few:
             return None
         before, after = self.before, self.after
         first, second = _pairs(len(before))
         between = before[second] - before[first]
-        # points of a narrow target may fall together: such a pair says that it hasn't grown
+        # points of a narrow target may coincide: such a pair counts as no growth, no rotation
         turned = np.divide(after[second] - after[first], between, out=np.ones_like(between),
                            where=between != 0)
         moved = after[first] - turned * before[first]
@@ -236,17 +236,17 @@ class TargetMotion:
 @dataclass(frozen=True)
 class TargetFlow:
     """
-    Tells how a target moved between two frames, from how its own points did.
+    Measures a target's motion between two frames by optical flow of points on it.
 
-    The filters know what a target looks like, but only where it is in a noisy picture of it, and
-    its size in one frame of a few. Optical flow knows nothing of looks and sizes, but tells a
-    change of place and size from frame to frame. Points on a grid over the target are followed
-    [Lucas and Kanade 1981], there and back [Kalal et al. 2010]. Where most of them went the same
-    way, so did the target; and the similarity transform that most of them agree on tells its
-    growth. Where fewer than half are followed, nothing is known.
+    The filters know a target's appearance, but measure its place with noise, and its size only in
+    one frame of a few. Optical flow knows nothing of appearance, but measures changes of place and
+    size from frame to frame. Points on a grid over the target are followed [Lucas and Kanade 1981]
+    forward and backward [Kalal et al. 2010]. Where nearly all of them made the same step, so did
+    the target; the similarity transform that most of them agree on gives its growth and rotation.
+    Where fewer than half are followed, nothing is known.
 
-    It's made of what was seen in the first of the two: a grey picture of a part of the frame, and
-    which part; in it the target, whose centre and size are in pixels of the frame.
+    `picture` is a grey image of the part `window` of the first frame; `center` and `size` are the
+    target's there, in pixels of the frame.
     """
 
     picture: Frame
@@ -255,11 +255,11 @@ class TargetFlow:
     size: Point
 
     def motion(self, frame: Frame) -> TargetMotion:
-        """Return how the target moved until another frame."""
+        """Return the target's motion from the first frame to this one."""
         rows, columns = self.picture.shape
         window = self.window
         samples = columns / window.width, rows / window.height
-        # to a quarter of a sample: places that differ by rounding alone have the same flow
+        # rounded to a quarter of a sample, so that rounding errors of places don't change the flow
         x, y = turned((self.center[0] - window.center[0], self.center[1] - window.center[1]),
                       -window.angle)
         middle = np.array([x + window.width / 2, y + window.height / 2])
@@ -292,7 +292,7 @@ def _pairs(count: int) -> NDArray[np.intp]:
 def _followed(before: Frame, after: Frame, points: NDArray[np.float32],
               least_texture: float = _LEAST_TEXTURE, about: Point = (0.0, 0.0),
               ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return where points, shape (N, 1, 2), of a picture are in another, and which are found."""
+    """Return the places in `after` of points, shape (N, 1, 2), in `before`; which are found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, points, points + np.array(about, np.float32), winSize=(_WINDOW, _WINDOW),
         maxLevel=_HALVINGS, criteria=_UNTIL, minEigThreshold=least_texture,

@@ -22,12 +22,13 @@ Spectrum = NDArray[np.complex64]
 
 _WHOLE = slice(None)
 
+#: Side of a gradient cell of the scale regression, in samples.
 _CELL = 4
-#: Samples of one patch, at most.
+#: Upper bound of a patch's number of samples.
 _AREA = 1200
-#: Side of the sampled region, in units of the target's: its outline has to be in it.
+#: Side of the sampled region, in target sides; above 1, so that the target's outline is in it.
 _REACH = 1.4
-#: Logarithms of the scales that are learned, and of the scale that is measured.
+#: Log scales of the examples that are learned, and of the one that is measured.
 _EXAMPLES = 0.1 * np.arange(-2, 3)
 _AS_IT_IS = np.zeros(1)
 #: Ridge, as a share of the examples' mean energy.
@@ -41,9 +42,9 @@ class CorrelationFilter:
 
     Ridge regression over all cyclic shifts of the window, solved one frequency at a time
     [Danelljan et al. 2014, eqs 2-6]: numerator, shape (channels, rows, columns // 2 + 1), and
-    denominator are averaged over time. Of several filters, to be asked at once, the numerator has
-    one axis more. The label is the conjugate spectrum of the wanted response, whose peak is in the
-    middle of the window.
+    denominator are exponential moving averages. Several filters can be evaluated at once: the
+    numerator then has one more axis in front. The label is the conjugate spectrum of the desired
+    response, whose peak is in the middle of the window.
     """
 
     numerator: Spectrum
@@ -52,13 +53,13 @@ class CorrelationFilter:
     shape: tuple[int, int]
     regularisation: float
 
-    #: Weight of an example in the running average, where the target is tracked.
+    #: Learning rate while the target is tracked: weight of an example in the moving average.
     RATE: ClassVar[float] = 0.02
 
     @classmethod
     def create(cls, rows: int, columns: int, width: float, regularisation: float = 1e-2,
                ) -> CorrelationFilter:
-        """Make an empty filter; `width` is the wanted response's standard deviation in cells."""
+        """Make an empty filter; `width` is the desired response's standard deviation in cells."""
         y = np.arange(rows)[:, None] - rows // 2
         x = np.arange(columns)[None, :] - columns // 2
         label = np.exp(-(x**2 + y**2) / (2 * width**2)).astype(np.float32)
@@ -69,13 +70,13 @@ class CorrelationFilter:
 
     @staticmethod
     def transform(features: Features) -> Spectrum:
-        """Return the spectrum of features of shape (channels, rows, columns), edges faded."""
+        """Return the spectrum of features, shape (channels, rows, columns), tapered at edges."""
         return transformed_maps(features, tapered=True)
 
     def updated(self, spectrum: Spectrum, rate: float,
                 shift: Point = (0.0, 0.0)) -> CorrelationFilter:
         """
-        Return the filter after one more example, with a weight in the running average.
+        Return the filter after one more example, with weight `rate` in the moving average.
 
         `shift` is where, in cells from the middle of the window, the target is in the example.
         """
@@ -92,7 +93,7 @@ class CorrelationFilter:
             numerator, denominator, self.label, self.shape, self.regularisation)
 
     def mixed(self, other: CorrelationFilter, share: float) -> Self:
-        """Return the filter that has learned another one's examples too, as that share of all."""
+        """Return the weighted mean of this filter and another one, which has weight `share`."""
         own, its = np.float32(1 - share), np.float32(share)
         return replace(
             self, numerator=own * self.numerator + its * other.numerator,
@@ -103,7 +104,7 @@ class CorrelationFilter:
         """
         Return the response, shape ([filters,] rows, columns): 1 at the target, 0 elsewhere.
 
-        Of a window's spectrum; `rows` and `columns` are the part of it that is wanted.
+        `spectrum` is a window's; `rows` and `columns` select the part that is computed.
         """
         # a sum over products: einsum is three times as slow with complex numbers
         correlated = np.add.reduce(self._conjugate * spectrum, axis=-3)
@@ -114,10 +115,10 @@ class CorrelationFilter:
 
     def confined(self, width: float, height: float) -> CorrelationFilter:
         """
-        Return the filter without what it knows of a target's surroundings.
+        Return the filter with its kernel masked to the box of a target, without surroundings.
 
-        What is further than the target's width and height, in cells, from its middle has no
-        influence on the response there.
+        What is outside a box of this width and height, in cells, about a place has no influence
+        on the response at that place.
         """
         rows, columns = self.shape
         kernel = np.fft.irfft2(self._conjugate / self._divisor, (rows, columns))
@@ -137,13 +138,13 @@ class CorrelationFilter:
 @dataclass(frozen=True)
 class ScaleRegression:
     """
-    Tells by which factor the target grew.
+    Estimates the factor by which the target grew.
 
-    A hyperplane tracker [Jurie and Dhome 2002] for one parameter: what the target would look like
-    if the box were too small or too large is known by resampling one image, and ridge regression
-    finds the weights with which the features give the logarithm of the size's error. The axes,
-    shapes (columns,) and (rows,), are the sample points' from the target's centre, in pixels; the
-    examples, shape (scales, features), are the features' running average at all scales.
+    A hyperplane tracker [Jurie and Dhome 2002] for one parameter: examples of a box that is too
+    small or too large are made by resampling one image, and ridge regression finds the weights by
+    which the features give the logarithm of the error of size. `axes`, shapes (columns,) and
+    (rows,), are the sample points' x and y from the target's centre, in pixels; `examples`, shape
+    (scales, features), are the moving averages of the features at each scale.
     """
 
     axes: tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -151,7 +152,7 @@ class ScaleRegression:
 
     @classmethod
     def create(cls, width: float, height: float) -> ScaleRegression:
-        """Make an empty regression for a target of that size in the images to come, in pixels."""
+        """Make an empty regression for a target of that size, in pixels, in later images."""
         width, height = _REACH * width, _REACH * height
         shrink = np.sqrt(min(1.0, _AREA / (width * height)))
         columns, rows = (max(2, round(side * shrink / _CELL)) * _CELL for side in (width, height))
@@ -160,26 +161,26 @@ class ScaleRegression:
         return cls((x, y), np.empty(0, np.float32))
 
     def growth(self, grey: Frame, center: Point) -> float:
-        """Return by which factor a target, its centre in pixels, is larger than learned."""
+        """Return the factor by which a target at `center`, [px], is larger than learned."""
         mean, weights = self._solution
         excess = float((self._features(grey, center, _AS_IT_IS)[0] - mean) @ weights)
         return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
 
     def updated(self, grey: Frame, center: Point, growth: float,
                 rate: float) -> ScaleRegression:
-        """Return the regression after an example of the target, grown by a factor."""
+        """Return the regression after an example of a target that has grown by a factor."""
         examples = self._features(grey, center, _EXAMPLES + np.log(growth))
         fresh = ScaleRegression(self.axes, examples)
         return self.mixed(fresh, rate) if rate < 1 else fresh
 
     def mixed(self, other: ScaleRegression, share: float) -> ScaleRegression:
-        """Return the regression that has learned another one's examples too, as that share."""
+        """Return the weighted mean of this and another one, which has weight `share`."""
         examples = np.float32(1 - share) * self.examples + np.float32(share) * other.examples
         return ScaleRegression(self.axes, examples)
 
     @cached_property
     def _solution(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the mean features, and the weights of what differs from them."""
+        """Return the mean features, and the weights of deviations from them."""
         mean = self.examples.mean(axis=0)
         differences = self.examples - mean
         products = differences @ differences.T
@@ -189,12 +190,12 @@ class ScaleRegression:
 
     def _features(self, grey: Frame, center: Point,
                   scales: Array) -> NDArray[np.float32]:
-        """Return the gradients, shape (scales, features), at logarithms of scale."""
+        """Return the gradient features, shape (scales, features), at log scales."""
         factors = np.exp(scales).astype(np.float32)[:, None]
         # samples count from the centre of a pixel, boxes from its outer corner
         x, y = (factors * axis + np.float32(middle - 0.5)
                 for axis, middle in zip(self.axes, center))
-        # one below the other; that a patch's first and last rows see their neighbour does no harm
+        # patches are stacked vertically: gradients across their borders do no harm
         stack = sample_grids(grey, x, y).reshape(-1, x.shape[1])
         features = oriented_gradients(stack, _CELL).reshape(GRADIENT_CHANNELS, len(scales), -1)
         return features.transpose(1, 0, 2).reshape(len(scales), -1)
@@ -208,18 +209,18 @@ def fourier_matrices(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
     return over_rows.astype(np.complex64), over_columns.astype(np.complex64)
 
 
-# Windows are so small that Fourier transforms are quicker as matrix products: one for each
-# channel, for OpenBLAS shares larger ones among threads, and on a busy machine it takes them
-# milliseconds to wake.
+# Windows are so small that Fourier transforms are quicker as matrix products. There is one product
+# for each channel: OpenBLAS splits larger ones among threads, which take milliseconds to wake up
+# on a busy machine.
 
 
 @lru_cache(maxsize=64)
 def transform_matrices(rows: int, columns: int,
                        tapered: bool) -> tuple[NDArray[np.float32], Spectrum]:
     """
-    Return the Fourier transform of real maps: matrices for the right and for the left.
+    Return the Fourier transform of real maps as matrices: the right factor, the left factor.
 
-    Real and imaginary parts of the first are interleaved.
+    Real and imaginary parts are interleaved in the first. Both include `taper` if wanted.
     """
     across, down = (np.diag(taper(cells)) if tapered else np.eye(cells)
                     for cells in (columns, rows))
@@ -228,14 +229,14 @@ def transform_matrices(rows: int, columns: int,
 
 
 def transformed_maps(maps: NDArray[np.float32], tapered: bool = False) -> Spectrum:
-    """Return the spectrum of maps of shape (channels, rows, columns), their edges faded or not."""
+    """Return the spectrum of maps, shape (channels, rows, columns), that may be tapered first."""
     over_columns, over_rows = transform_matrices(*maps.shape[1:], tapered)
     spectrum: Spectrum = over_rows @ (maps @ over_columns).view(np.complex64)
     return spectrum
 
 
 def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
-    """Return the maps, shape (channels, rows, columns), that have a spectrum."""
+    """Return the maps, shape (channels, rows, columns), of a spectrum."""
     over_rows, over_columns = inverse_matrices(
         spectrum.shape[1], 2 * (spectrum.shape[2] - 1))
     maps: NDArray[np.float32] = (over_rows @ spectrum).view(np.float32) @ over_columns
@@ -244,25 +245,25 @@ def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
 
 @lru_cache(maxsize=32)
 def box_support(rows: int, columns: int, width: float, height: float) -> NDArray[np.float32]:
-    """Return how much of each cell is within a box about (0, 0), cyclically; sizes in cells."""
+    """Return each cell's share inside a box about (0, 0), cyclically; sizes in cells."""
     return np.outer(side_support(rows, height), side_support(columns, width))
 
 
 def side_support(cells: int, length: float) -> NDArray[np.float32]:
-    """Return how much of each cell along a side is within a length about 0, cyclically."""
+    """Return each cell's share, along a side, inside a length about 0, cyclically."""
     distance = np.abs(np.fft.fftfreq(cells) * cells)
     return np.clip(length / 2 + 0.5 - distance, 0, 1).astype(np.float32)
 
 
 def taper(length: int) -> Array:
-    """Return by how much each cell along a side counts, so that a window's edges fade."""
+    """Return a Hann window without its zeros: weights of the cells along a side."""
     return np.hanning(length + 2)[1:-1]
 
 
 @lru_cache(maxsize=32)
 def inverse_matrices(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.float32]]:
     """
-    Return the inverse: matrices for a spectrum's left, and for the result's right.
+    Return the inverse Fourier transform as matrices: the left factor, then the right factor.
 
     The second makes real series from their non-negative frequencies, whose real and imaginary
     parts are interleaved.

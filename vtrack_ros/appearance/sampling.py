@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from vtrack_ros.frame import Frame, Point
 
-#: A larger window that reaches beyond the frame is mapped, not copied with the border repeated.
+#: Largest area, [px^2], at which a window that reaches beyond the frame is copied with the border
+#: replicated; a larger one is remapped.
 _MOST_COPIED = 1 << 18
-#: Steps between two pixels at which OpenCV samples exactly alike in every version.
+#: Number of steps per pixel that places are quantised to: at these, every version of OpenCV
+#: samples exactly alike.
 _FINE = 32
-#: Of a longer window that is mapped, some pixels are left out: OpenCV samples up to 32,766.
+#: Side, [px], from which a window to be remapped is subsampled: OpenCV remaps up to 32,766 pixels.
 _LONGEST_SIDE = 20_000
 
 
@@ -40,7 +42,7 @@ class PixelWindow:
 
     @classmethod
     def about(cls, center: Point, size: Point, angle: float = 0.0) -> PixelWindow:
-        """Return the window next to one of that centre and size, in pixels."""
+        """Return the window nearest to that centre and size, in pixels."""
         width, height = (max(1, round(length)) for length in size)
         left, top = round(center[0] - width / 2), round(center[1] - height / 2)
         return cls(left, top, width, height, angle)
@@ -52,9 +54,9 @@ class PixelWindow:
 
     def sampled(self, frame: Frame, rows: int, columns: int) -> Frame:
         """
-        Return so many samples of it; the frame's border repeats.
+        Return the window resampled to rows and columns; the frame's border is replicated.
 
-        Where several pixels fall on one sample, a regular subset of them is used.
+        Where there are several pixels to a sample, only a regular subset of them is used.
         """
         if self.angle:
             return self._mapped(frame, rows, columns)
@@ -74,7 +76,7 @@ class PixelWindow:
         return window
 
     def _mapped(self, frame: Frame, rows: int, columns: int) -> Frame:
-        """Sample a window that may be turned: bilinearly, at places to a 32nd of a pixel."""
+        """Sample a window that may be turned: bilinearly, at places rounded to 1/32 pixel."""
         stride = 1 + max(self.width, self.height) // _LONGEST_SIDE
         if stride > 1:
             center = self.center[0] / stride, self.center[1] / stride
@@ -91,10 +93,10 @@ class PixelWindow:
         part, cells, fractions = frame, np.empty((rows, columns, 2), np.int16), []
         for axis, place in ((1, x), (0, y)):
             length = frame.shape[axis]
-            # OpenCV counts from the middle of the first pixel; beyond the border nothing changes
+            # OpenCV counts from the middle of the first pixel; beyond the border it's constant
             fine = np.rint(_FINE * (place - 0.5).clip(-1, length)).astype(np.int32)
             pixel = fine // _FINE
-            # of a frame longer than it samples, the part with all these places
+            # cropped to the part with all these places: OpenCV can't remap longer frames
             first = min(max(int(pixel.min()), 0), length - 1)
             last = max(int(pixel.max()), first)
             part = part[first:last + 2] if axis == 0 else part[:, first:last + 2]
@@ -116,11 +118,11 @@ def turned(offset: Point, angle: float) -> Point:
 
 def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -> Frame:
     """
-    Return an image's values at the crossings of columns and rows; its border repeats.
+    Return an image's values on grids of columns and rows; its border is replicated.
 
-    Of N grids, `x`, shape (N, columns), and `y`, shape (N, rows), count from the middle of the
-    first pixel; the result's shape is (N, rows, columns). Bilinear, and rounded: OpenCV's `remap`
-    does it to a 32nd of a pixel or exactly, as its version may be.
+    The columns `x`, shape (N, columns), and rows `y`, shape (N, rows), of N grids count from the
+    middle of the first pixel; the result's shape is (N, rows, columns). Bilinear, rounded to whole
+    values. OpenCV's `remap` rounds places to 1/32 pixel or not, depending on its version.
     """
     (above, below, down), (before, after, across) = (
         _neighbours(at, length) for at, length in zip((y, x), image.shape))
@@ -135,7 +137,7 @@ def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -
 
 def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
         NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
-    """Return the pixels before and after a place along a side, and the share of the second."""
+    """Return the pixels before and after places along a side, and the second's weight."""
     first = np.floor(at)
     # bounded as floats: NumPy's clip takes three times as long for whole numbers
     before, after = (place.clip(0, length - 1).astype(np.intp) for place in (first, first + 1))
@@ -145,16 +147,16 @@ def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
 def sparse_part(frame: Frame, stride: int, most: int,
                 rng: np.random.Generator) -> tuple[Frame, tuple[int, int]]:
     """
-    Return every so manieth pixel of a frame, and where the first one is, (x, y) in pixels.
+    Return every `stride`-th pixel of a frame, and the place of the first one, (x, y) in pixels.
 
-    Of a frame that has more than `most` of them, those of a part, anywhere in it.
+    If these are more than `most`, only those of a randomly placed part of the frame.
     """
     rows, columns = (-(-length // stride) for length in frame.shape[:2])
     if rows * columns <= most:
         return np.ascontiguousarray(frame[::stride, ::stride]), (0, 0)
     wide = min(columns, most // min(rows, math.isqrt(most)))
     high = min(rows, most // wide)
-    # about any place: else what is in a corner would hardly ever be in it
+    # centred at any place, then shifted inside: else it would hardly ever contain a corner
     top, left = (stride * min(max(int(rng.integers(there)) - taken // 2, 0), there - taken)
                  for there, taken in ((rows, high), (columns, wide)))
     part = frame[top:top + stride * high:stride, left:left + stride * wide:stride]
@@ -162,7 +164,7 @@ def sparse_part(frame: Frame, stride: int, most: int,
 
 
 def shrunk(frame: Frame, longest: int) -> Frame:
-    """Return a frame shrunk until no side is longer than that, [px], and none is nothing."""
+    """Return a frame downsampled until no side is longer than that, [px]; each is at least 1."""
     shrink = longest / max(frame.shape[:2])
     if shrink >= 1:
         return frame

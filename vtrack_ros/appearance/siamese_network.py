@@ -1,4 +1,4 @@
-"""A Siamese network that says where in an image a target is, and with which box."""
+"""A Siamese network that localises a target in an image and regresses its box."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.sampling import PixelWindow
 from vtrack_ros.frame import Array, Frame, Point
 
-#: Sides of the target's image and of the one that's searched, in samples, as NanoTrack has them.
+#: Sides of the exemplar (the target's image) and of the search image, in samples, as in NanoTrack.
 EXEMPLAR, SEARCHED = 127, 255
-#: Distance of two places of the answer, in samples, and how many there are along a side.
+#: Stride of the response map, in samples of the search image, and number of places along a side.
 STRIDE, PLACES = 16, 16
-#: Surroundings of the target in its image, as a share of the mean side, on each of two sides.
+#: Margin of the exemplar about the target, on each side, as a share of the target's mean side.
 _CONTEXT = 0.5
-#: No trained network's answer is beyond that, and an untrained one's mustn't be.
+#: Bound (+/-) that outputs are clipped to: a trained network's are never beyond it, an untrained
+#: one's may be.
 _BOUND = 1000.0
+#: Channels of the features, and their rows and columns for an image of either side.
 _CHANNELS, _FEATURES = 48, {EXEMPLAR: 8, SEARCHED: 16}
+#: Names of the head's inputs and outputs.
 _TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 
 #: Features of an image, float32, shape (1, channels, rows, columns).
 Blob = NDArray[np.float32]
-#: A length, or one of each of several boxes.
+#: A length, or an array of lengths, one for each of several boxes.
 Length = TypeVar('Length', float, Array)
 
 
@@ -36,13 +39,13 @@ class SiameseNetwork:
 
     The backbone turns images, float32 of shape (1, 3, 127, 127) or (1, 3, 255, 255), BGR from 0 to
     255, into features of shape (1, 48, 8, 8) or (1, 48, 16, 16). The head takes those of the
-    target as `input1` and of what's searched as `input2`, and gives, for places 16 samples apart
-    of which (8, 8) is in the middle, `output1`, shape (1, 2, 16, 16): background's and target's
-    logits, and `output2`, shape (1, 4, 16, 16): how far the target's left, top, right and bottom
-    are from there, in samples.
+    exemplar as `input1` and of the search image as `input2`. It has two outputs for places 16
+    samples apart, with place (8, 8) in the middle: `output1`, shape (1, 2, 16, 16), the logits of
+    background and target, and `output2`, shape (1, 4, 16, 16), the distances from the place to the
+    target's left, top, right and bottom, in samples.
 
-    They are paths of ONNX files. ValueError if a file is missing, or can't be read, or isn't such
-    a network.
+    `backbone` and `head` are paths of ONNX files. ValueError if a file is missing, or can't be
+    read, or isn't such a network.
     """
 
     def __init__(self, backbone: str, head: str) -> None:
@@ -57,9 +60,9 @@ class SiameseNetwork:
     def search(self, target: Blob, frame: Frame, center: Point,
                side: float) -> tuple[Array, Array]:
         """
-        Return where a target is in a square of a frame, centre and side in pixels.
+        Search a target in a square of a frame, centre and side in pixels.
 
-        The log-odds of its presence in each place, shape (16, 16), and its box there, shape
+        Return the log-odds for the target at each place, shape (16, 16), and its box there, shape
         (4, 16, 16): centre x and y, width and height, in pixels.
         """
         square = PixelWindow.about(center, (side, side))
@@ -81,13 +84,13 @@ class SiameseNetwork:
         if pixels.ndim == 2:
             pixels = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR)
         self._backbone.setInput(cv2.dnn.blobFromImage(pixels))
-        # what is returned may be the network's own memory
+        # a copy, as OpenCV may return the network's own buffer
         features: Blob = self._backbone.forward().copy()
         return features
 
 
 def exemplar_side(size: tuple[Length, Length]) -> Length:
-    """Return the side of the square that shows a target, (width, height), with surroundings."""
+    """Return the side of the exemplar's square for a target of that (width, height)."""
     context = _CONTEXT * (size[0] + size[1])
     side: Length = np.sqrt((size[0] + context) * (size[1] + context))
     return side
@@ -129,7 +132,7 @@ def read_head(path: str) -> cv2.dnn.Net:
 
 
 def _read(path: str) -> cv2.dnn.Net:
-    # Path.is_file raises an error of the system at a name that is too long.
+    # Path.is_file raises an OSError for a name that is too long.
     if not os.path.isfile(path):
         raise ValueError(f'{path!r} is no file')
     try:
@@ -141,7 +144,7 @@ def _read(path: str) -> cv2.dnn.Net:
 
 def _check(path: str, net: cv2.dnn.Net, inputs: Mapping[str, tuple[int, ...]],
            expected: Mapping[str, tuple[int, ...]]) -> None:
-    """Raise a ValueError unless inputs of those shapes bring outputs of those."""
+    """Raise a ValueError unless inputs of these shapes give outputs of the expected ones."""
     valid = f'expected {_shapes(expected)} of {_shapes(inputs)}'
     try:
         for name, shape in inputs.items():
@@ -162,5 +165,5 @@ def _shapes(named: Mapping[str, tuple[int, ...]]) -> str:
 
 
 def _reason(error: cv2.error) -> str:
-    """Return what OpenCV said, on one line."""
+    """Return OpenCV's error message on one line."""
     return ' '.join(str(error).split())

@@ -11,20 +11,20 @@ from vtrack_ros.frame import Array
 
 Vectors = NDArray[np.float32]
 
-#: Rows handled at once: what fits the processor's cache is several times as fast.
+#: Patches handled at once: blocks that fit the processor's cache are several times as fast.
 _BLOCK = 64
 
 
 @dataclass(frozen=True)
 class Subspace:
     """
-    Mean and principal components of all patches so far, older ones counting less.
+    Mean and principal components of all patches so far, with exponential forgetting.
 
     The model is probabilistic PCA: a patch is a point of the subspace plus noise. It's updated by
     the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.2, figure 2]. The
-    mean has shape (d,), the components (d, k), with orthonormal columns by falling singular value
-    (of the centred patches); k is at most `limit`. `count` is how many patches this stands for,
-    with forgetting.
+    mean has shape (d,), the components (d, k), with orthonormal columns in the order of falling
+    singular values (of the centred patches); k is at most `limit`. `count` is the effective number
+    of patches, with forgetting.
     """
 
     mean: Vectors
@@ -35,7 +35,7 @@ class Subspace:
 
     @classmethod
     def create(cls, patch: Vectors, limit: int = 16) -> Subspace:
-        """Begin with one patch, shape (d,): its subspace is a point."""
+        """Make the subspace of one patch, shape (d,): a mean without components."""
         return cls(patch.astype(np.float32), np.zeros((len(patch), 0), np.float32), np.zeros(0),
                    1.0, limit)
 
@@ -49,10 +49,10 @@ class Subspace:
         many, before = len(fresh), forgetting * self.count
         count = before + many
         own_mean, mean = fresh.mean(0), self.mean.astype(np.float64)
-        # the difference of the means is one more vector [Ross2008, lemma 1]
+        # the difference of the means is one more column [Ross2008, lemma 1]
         apart = np.sqrt(before * many / count) * (own_mean - mean)
-        # forgetting weighs the scatter as it does the count; [Ross2008, sec. 3.3] weighs the
-        # singular values, so that old patches fade twice as fast in the scatter as in the mean
+        # the scatter is multiplied by `forgetting`, as the count is; in [Ross2008, sec. 3.3] the
+        # singular values are, so that old patches fade twice as fast there as in the mean
         columns = np.concatenate([
             np.sqrt(forgetting) * self.components * self.singular_values,
             (fresh - own_mean).T, apart[:, None]], axis=1)
@@ -63,7 +63,7 @@ class Subspace:
             components[:, :kept].astype(np.float32), values[:kept], count, self.limit)
 
     def residuals(self, patches: Vectors) -> Vectors:
-        """Return what the subspace doesn't explain of patches of shape (n, d): the same shape."""
+        """Return the residuals of patches, shape (n, d), from the subspace; same shape."""
         difference: Vectors = patches - self.mean
         difference -= (difference @ self.components) @ self.components.T
         return difference
@@ -72,8 +72,8 @@ class Subspace:
         """
         Return the mean over the pixels of e^2 / (e^2 + width^2), e the residual, shape (n,).
 
-        The error norm of Geman and McClure, as [Ross2008, sec. 3.4]: an outlier counts for one
-        pixel at most, however far it is.
+        The error norm of Geman and McClure, as [Ross2008, sec. 3.4]: an outlier adds at most the
+        weight of one pixel, however large its residual is.
         """
         errors = np.empty(len(patches), np.float32)
         for first in range(0, len(patches), _BLOCK):

@@ -9,7 +9,8 @@ from vtrack_ros.frame import Array
 
 _Complex = NDArray[np.complex128]
 
-#: Eigenvalues nearer than this count as equal: below, a quotient of differences loses digits.
+#: Lower clamp of half the difference of two eigenvalues: below it, a quotient of differences loses
+#: digits.
 _EQUAL = 1e-5
 
 
@@ -48,8 +49,8 @@ def logarithm(transformation: Array) -> Array:
     Return the principal logarithm of transformations, shape (..., 3, 3).
 
     It's unique only while the linear part has no eigenvalue on the negative real axis, that is
-    for rotations by less than half a turn. Elsewhere the result isn't a number: a caller decides
-    what a step that is too large to have a direction means.
+    for rotations by less than half a turn. Elsewhere the result is NaN: the caller decides how to
+    treat a step that is too large to have a direction.
     """
     linear, translation = transformation[..., :2, :2], transformation[..., :2, 2]
     half_trace = (linear[..., 0, 0] + linear[..., 1, 1]) / 2
@@ -91,7 +92,7 @@ def group_mean(transformations: Array, weights: Array) -> Array:
     linear = transformations.copy()
     linear[:, :2, 2] = 0
     steps = logarithm(inverse(heaviest) @ linear)
-    # a particle that is half a turn away has no direction, and so no say
+    # a particle that is half a turn away has no logarithm, and is left out
     near = np.isfinite(steps[:, 0, 0])
     step = np.einsum('n,nij->ij', share[near], steps[near]) / share[near].sum()
     mean: Array = heaviest @ exponential(step)
@@ -100,7 +101,7 @@ def group_mean(transformations: Array, weights: Array) -> Array:
 
 
 def angle(transformation: Array) -> Array:
-    """Return the rotation, [rad], of the linear parts' nearest rotations; shape (...)."""
+    """Return the angle, [rad], of the rotation nearest to each linear part; shape (...)."""
     linear = transformation[..., :2, :2]
     return np.arctan2(linear[..., 1, 0] - linear[..., 0, 1],
                       linear[..., 0, 0] + linear[..., 1, 1])
@@ -133,7 +134,7 @@ def bounds(transformation: Array, size: tuple[float, float]) -> Array:
 
 def ellipse_bounds(transformation: Array, size: tuple[float, float]) -> Array:
     """
-    Return the `bounds` of the images of the ellipse in the rectangle.
+    Return the `bounds` of the images of the ellipse inscribed in the rectangle.
 
     Few targets have corners: the bounds of a round one don't grow when it turns.
     """
@@ -145,9 +146,9 @@ def from_vector(vector: Array) -> Array:
     """
     Return transformations, shape (..., 3, 3), from geometric parameters [Ross2008, sec. 4.1].
 
-    These, shape (..., 6), are the logarithm of the scale, that of the aspect ratio, rotation
-    [rad], direction of the skew [rad], x and y: rotated after a stretch by the second along the
-    fourth.
+    These, shape (..., 6), are the log scale, half the log ratio of the stretches, rotation [rad],
+    direction of the skew [rad], x and y. The stretch is along that direction, and before the
+    rotation.
     """
     size, aspect, turn, direction, x, y = np.moveaxis(np.asarray(vector, float), -1, 0)
     along = rotation(direction)
@@ -161,7 +162,7 @@ def from_vector(vector: Array) -> Array:
 
 def transformation(center: tuple[float, float], size: tuple[float, float],
                    turn: float) -> Array:
-    """Return what maps the unit square about the origin onto a turned rectangle, (3, 3)."""
+    """Return the map of the unit square about the origin onto a turned rectangle, (3, 3)."""
     result = np.eye(3)
     result[:2, :2] = rotation(np.asarray(turn)) * size
     result[:2, 2] = center
@@ -192,7 +193,7 @@ def _relative_exponential(z: _Complex) -> _Complex:
 
 def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
     """
-    Return an analytic function of 2 x 2 matrices with real values on the real axis.
+    Return an analytic function, real on the real axis, of 2 x 2 matrices.
 
     With eigenvalues m +- r and traceless part B, it's
     (f(m + r) + f(m - r)) / 2 I + (f(m + r) - f(m - r)) / (2 r) B.
@@ -200,7 +201,7 @@ def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
     middle = (linear[..., 0, 0] + linear[..., 1, 1]) / 2
     traceless = linear - middle[..., None, None] * np.eye(2)
     radius: _Complex = np.sqrt(-determinant(traceless) + 0j)
-    # where they're equal, a small step about them gives the derivative
+    # if the eigenvalues are equal, a small step about them gives the derivative
     radius = np.where(np.abs(radius) < _EQUAL, complex(_EQUAL), radius)
     above, below = function(middle + radius), function(middle - radius)
     even, odd = ((above + below) / 2).real, ((above - below) / (2 * radius)).real

@@ -56,7 +56,7 @@ class Box:
     def around_ellipse(cls, center: tuple[float, float], size: tuple[float, float],
                        angle: float) -> Box:
         """
-        Make the box around an ellipse in a rectangle of that centre and size, in pixels.
+        Make the box around an ellipse inscribed in a rectangle of that centre and size, in pixels.
 
         The rectangle is turned by an angle, [rad]. Few targets have corners: the box around a
         round one doesn't grow when it turns.

@@ -10,7 +10,7 @@ import numpy as np
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry.box import Box
 
-# OpenCV's own iteration, until nothing changes.
+# Termination of OpenCV's iterative undistortion: iterations, and error below which it stops.
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-14)
 
 #: How many coefficients each distortion model has.
@@ -22,7 +22,8 @@ class Position:
     """
     Where the target is: point (3,) and covariance (3, 3), in 'pixels', 'ray' or 'metres'.
 
-    `slope`, shape (3, 4), is the point's derivative by the box's centre (x, y), width and height.
+    `slope`, shape (3, 4), is the point's derivative with respect to the box's centre (x, y), width
+    and height.
     """
 
     point: Array
@@ -36,11 +37,11 @@ class Camera:
     """
     A calibrated camera: pinhole with distortion; all lengths in pixels.
 
-    In the intrinsic matrix (fx, fy, cx, cy) a pixel's centre has whole coordinates, and the
-    coefficients of the distortion model, one of `MODELS`, are in the order of
-    sensor_msgs/msg/CameraInfo; none: no distortion. The images have a width and a height, their
-    corner lies at an offset on the sensor, of whose pixels `binning` make one of theirs, in x and
-    y.
+    For the intrinsics (fx, fy, cx, cy) a pixel's centre has whole coordinates. `coefficients` of
+    the distortion model, one of `MODELS`, are in the order of sensor_msgs/msg/CameraInfo; without
+    any there's no distortion. The images have a width and a height; `offset` is the place of their
+    corner on the sensor, in the sensor's pixels, and `binning` the number of the sensor's pixels
+    to one of theirs; both in x and y.
     """
 
     fx: float
@@ -80,14 +81,15 @@ class Camera:
         """
         Return the ray (2,) that a place [px] on the image sees, and its derivative.
 
-        The derivative is that of x and y at depth 1 (rows) by column and row (columns), [1/px].
+        The derivative is that of x and y at depth 1 (its rows) with respect to column and row (its
+        columns), [1/px].
         """
         step = 1e-2
         around = np.array([[0, 0], [step, 0], [-step, 0], [0, step], [0, -step]])
         rays = self._undistorted(np.array([column, row]) + around)
         slope = np.column_stack([rays[1] - rays[2], rays[3] - rays[4]]) / (2 * step)
         back = self.project(*rays[0]) if np.isfinite(rays).all() else (math.nan, math.nan)
-        # A lens doesn't turn the image inside out; a model does, beyond its reach.
+        # A lens doesn't mirror the image; a distortion model does outside its valid range.
         upright = slope[0, 0] > 0 and np.linalg.det(slope) > 0
         if not (upright and max(abs(back[0] - column), abs(back[1] - row)) < 1e-6):
             return np.full(2, math.nan), np.full((2, 2), math.nan)
@@ -103,7 +105,7 @@ class Camera:
             rays = cv2.fisheye.undistortPoints(
                 points, self._matrix, self._distortion, criteria=_CRITERIA)
         else:
-            # Older versions take the criteria in a function of its own.
+            # Older versions of OpenCV take the criteria only in a separate function.
             undistort = getattr(cv2, 'undistortPointsIter', cv2.undistortPoints)
             rays = undistort(points, self._matrix, self._distortion, R=None, P=None,
                              criteria=_CRITERIA)
@@ -118,19 +120,20 @@ class Camera:
         return np.array(self.coefficients or (0.0,) * 4)
 
 
-@np.errstate(over='ignore', invalid='ignore')  # what isn't finite is no place
+@np.errstate(over='ignore', invalid='ignore')  # no position if not finite
 def locate(box: Box, box_covariance: Array, camera: Camera | None, units: str = 'auto',
            width: float = 0.0, height: float = 0.0) -> Position | None:
     """
     Return where the target is, with the box's covariance carried through to first order.
 
-    The covariance, shape (4, 4), [px^2], is over centre x, centre y, width, height; without a
-    camera nothing is calibrated. Width and height are the target's real size, [m], 0 where
-    unknown; the height counts where the width is unknown.
+    The covariance, shape (4, 4), [px^2], is over centre x, centre y, width, height; `camera` is
+    None if there's no calibration. Width and height are the target's real size, [m], 0 where
+    unknown; the height is used where the width is unknown.
 
     Units are 'pixels', on the image, z = 0; 'ray', at depth 1 in the optical frame (x right, y
-    down, z forward); 'metres', in the same frame; 'auto' for the best that can be had. None where
-    it can't be had in those. A covariance of NaN, which is unknown, stays so.
+    down, z forward); 'metres', in the same frame; 'auto' for the best of these that is available.
+    None where the units aren't available, or the box has no position in them. A covariance of NaN,
+    which is unknown, stays so.
     """
     sized = width > 0 or height > 0
     if units == 'auto':
@@ -145,7 +148,7 @@ def locate(box: Box, box_covariance: Array, camera: Camera | None, units: str = 
     cx, cy = box.center
     ray, slope = camera.ray_and_slope(cx, cy)
     direction = np.array([*ray, 1.0])
-    # By (centre x, centre y, width, height), as the covariance.
+    # With respect to (centre x, centre y, width, height), as the covariance.
     bend = np.zeros((3, 4))
     bend[:2, :2] = slope
     depth, change = 1.0, np.zeros(4)
@@ -171,17 +174,17 @@ def locate_velocity(
 
     `locate_box` says where a box is. The velocity, shape (4,), [px/s], is that of centre x, centre
     y, width, height; the covariance, shape (8, 8), is over those four and their velocities, and is
-    carried through to first order. None where the box is nowhere.
+    carried through to first order. None where the box has no position.
     """
     here = locate_box(box)
     if here is None:
         return None
-    # in a step the box moves by a hundredth of itself
+    # in this time step the box moves by at most a hundredth of its shorter side
     step = 0.01 * min(box.width, box.height) / max(float(np.abs(velocity).max()), 1e-9)
     place = np.array([*box.center, box.width, box.height])
     before, after = (locate_box(Box.from_center(*(place + way)))
                      for way in (-step * velocity, step * velocity))
-    # what the velocity is there depends on the place as well, by the second derivatives
+    # the velocity depends on the box as well, by the second derivatives
     bend = (np.zeros((3, 4)) if before is None or after is None else
             (after.slope - before.slope) / (2 * step))
     slope = np.hstack([bend, here.slope])
@@ -189,7 +192,7 @@ def locate_velocity(
 
 
 def _depth(camera: Camera, box: Box, across: int, size: float) -> tuple[float, Array]:
-    """Return the depth of a box whose width (across 0) or height (1) is `size` [m], and slope."""
+    """Return the depth of a box whose width (across 0) or height (1) is `size` [m]; its slope."""
     half = np.zeros(2)
     half[across] = (box.width, box.height)[across] / 2
     center = np.array(box.center)

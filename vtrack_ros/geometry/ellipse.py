@@ -7,7 +7,7 @@ import numpy as np
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry.box import Box
 
-#: How many bandwidths reach to the border of the ellipse [Yin2013, eq. 8].
+#: Semi-axes of the ellipse in units of the bandwidth [Yin2013, eq. 8].
 SIGMA = 2.5
 
 
@@ -16,7 +16,7 @@ def axes_of_bandwidth(bandwidth: Array) -> tuple[float, float, float]:
     Return semi-axes and angle of the ellipse of a bandwidth matrix, shape (2, 2), [px^2].
 
     These are the major and the minor one [px], and the major one's angle from x towards y, in
-    (-pi / 2, pi / 2] [Yin2013, eq. 10, where `h11 - h22` stands misprinted as `h11 - h12`].
+    (-pi / 2, pi / 2] [Yin2013, eq. 10, where `h11 - h22` is misprinted as `h11 - h12`].
     """
     h11, h22, h12 = float(bandwidth[0, 0]), float(bandwidth[1, 1]), float(bandwidth[0, 1])
     spread = math.sqrt(4 * h12**2 + (h11 - h22)**2)
@@ -33,9 +33,10 @@ def bounds_of_bandwidth(center: tuple[float, float], bandwidth: Array) -> Box:
 
 def bounded(frame: Array, first: Array, sizes: tuple[float, float], aspect: float) -> Array:
     """
-    Return an ellipse's frame, shape (2, 2), within bounds about the first one, a diagonal.
+    Return an ellipse's frame, shape (2, 2), clamped to bounds about `first`, a diagonal one.
 
-    The axes' mean is between `sizes` of the first one's, their ratio within a factor `aspect`.
+    The axes' geometric mean is clamped to the range `sizes`, as shares of the first one's; the
+    ratio of major to minor axis to the first one's within a factor `aspect`, and at least 1.
     """
     left, axes, right = np.linalg.svd(frame)
     reference = np.sort(first.diagonal())[::-1]

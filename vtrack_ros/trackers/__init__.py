@@ -1,5 +1,5 @@
 """
-The trackers, behind one face.
+The trackers, behind one interface.
 
 >>> from vtrack_ros.trackers import Box, create_tracker
 >>> tracker = create_tracker('gmpf', seed=0, particles=150)

@@ -15,13 +15,13 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
-#: Steps of a climb at most, and the step in cells that ends it, with either bandwidth.
+#: Mean shift with the coarse and with the fine bandwidth: largest number of iterations, and step,
+#: in cells, below which it has converged.
 _COARSE_STEPS, _COARSE_TOLERANCE = 8, 0.1
 _FINE_STEPS, _FINE_TOLERANCE = 8, 0.02
-#: Bandwidth of the last steps, in target sizes: half the width of the response's peak.
+#: Fine bandwidth, in target sizes: half the standard deviation of the response's peak.
 _FINE = 1 / 32
-#: Response as a likelihood: so many times the share of the highest response that is missing is
-#: the negative logarithm.
+#: Response r as a likelihood: its logarithm is -_SHARPNESS * (peak - r) / peak.
 _SHARPNESS = 20.0
 
 
@@ -29,14 +29,14 @@ class MeanShiftParticleFilter(LocalisedTracker):
     """
     Mean shift and few particles on the response map, in place of pixels' colours [Yin2013].
 
-    As in the paper, a climb gives y_ms, the best particle gives y_pf, the two are fused by their
-    distance and the similarity (eqs 13-15). What differs is what is climbed: not the colour
-    histogram's weights, but the response of a discriminative model, of which zeta is the share of
-    the usual one; and where the climb starts: at the place that the guided search has found, which
-    is believed when the fused one is null. The particles are drawn about the tracker's own
-    forecast, which repeats a part of the last step.
+    As in the paper, mean shift gives y_ms, the best particle gives y_pf, and the two are fused by
+    their distance and the similarity zeta (eqs 13-15). Two things differ. The map that is climbed
+    isn't the colour histogram's weights, but the response of a discriminative model; zeta is the
+    response as a share of the usual one. And the climb starts at the place that the guided search
+    has found, which is also the result where fusion gives none. The particles are drawn about the
+    tracker's own forecast, which repeats a part of the last step.
 
-    The bandwidth follows the size that the model finds, and the rotation is the model's as well:
+    The bandwidth follows the size that the model measures, and the rotation is the model's, too:
     the second moments of a foreground map turn with limbs and background rather than the target.
     """
 
@@ -72,7 +72,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         place = fuse(
             zeta, climbed, self._climbed(response, weights, (best[0], best[1])), SIGMA,
             max(localiser.size) / 2, float(values['accepted']), float(values['rejected']))
-        # what climbs the response would leave the target for its double
+        # with a distractor near, mean shift would leave the target for it
         center = (start if place is None or found.distractors
                   else response.unless_dominated(place, start))
         covariance = np.zeros((4, 4))
@@ -80,7 +80,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         elsewhere = localiser.update(frame, replace(found, place=center), dt)
         self._search.follow(dt, elsewhere)
         if elsewhere:
-            # what was drawn and found about the old place says nothing of the new one
+            # the velocity and the covariance at the old place don't hold at the new one
             self._velocity, covariance = np.zeros(2), np.zeros((4, 4))
             points += np.subtract(localiser.center, forecast)
         else:
@@ -89,7 +89,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         return localiser.estimate(covariance, self._boxes(points))
 
     def _climbed(self, response: ResponseMap, weights: Array, start: Point) -> Point:
-        """Climb from a place with the target's bandwidth, then with the peak's."""
+        """Climb from a place with the target's bandwidth, then with the fine one."""
         size, cell = np.array(self._localiser.size), response.window.cell
         place = response.cells(np.array([start]))[0]
         place = climb(weights, place, size / (2 * SIGMA) / cell, _COARSE_STEPS, _COARSE_TOLERANCE)
@@ -110,14 +110,14 @@ class MeanShiftParticleFilter(LocalisedTracker):
 
 def _spread(response: ResponseMap, center: Point) -> Array:
     """Return the covariance of the place under the response taken as a likelihood, [px^2]."""
-    # relative to the highest one, which counts as 1: no response is too small, or below 0, for it
+    # relative to the peak, whose likelihood is 1: small and negative responses do no harm
     excess = (response.values - response.peak).astype(np.float64)
     likelihood = np.exp(_SHARPNESS / max(response.peak, 1e-6) * excess)
     likelihood /= likelihood.sum()
     places = [(np.arange(count) - at) * cell for count, at, cell in zip(
         reversed(likelihood.shape), response.cells(np.array([center]))[0], response.window.cell)]
     in_x, in_y = likelihood.sum(0), likelihood.sum(1)
-    # about the mean first: far from it, their squares hide how the places spread
+    # about the mean first: about a place far from it, the squares would swamp the spread
     mean = np.array([in_x @ places[0], in_y @ places[1]])
     x, y = (place - middle for place, middle in zip(places, mean))
     cross = y @ likelihood @ x

@@ -16,13 +16,14 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
-#: Power of the paper's likelihood beside the response: both see the same pixels, and a product of
-#: terms that aren't independent is too sure of itself.
+#: Exponent of the paper's likelihood in the product with the response's: both see the same pixels,
+#: and a product of terms that aren't independent is overconfident.
 _TEMPERED = 0.3
-#: When the response falls short of this share of the usual one, the particles' rotation is tried
-#: if it differs by that, [rad], and taken if the response is so much higher in it.
+#: Share of the usual response below which the particles' rotation is tried for the search window.
 _SHORT = 0.9
+#: Least difference of the particles' rotation from the localiser's for it to be tried, [rad].
 _WORTH_TURNING = 0.06
+#: Least ratio of the peak with the particles' rotation to the peak without for it to be used.
 _GAIN = 1.05
 #: Samples along each side of a patch.
 _SIDE = 24
@@ -32,16 +33,16 @@ class AffineParticleFilter(LocalisedTracker):
     """
     APPF: autoregression on the affine group, weighted by colours and a subspace [Xiang].
 
-    The paper's particles are steered by the pose that keypoints measure. Here a pose is measured
-    in other ways: a share of the particles is moved to the place that the guided search finds,
-    and all turn as the target's own points do. Keypoints beside these helped a little where the
-    picture rolls far and nowhere else, for a third of the time (decision 43). `appf_paper` has
-    them.
+    In the paper a share of the particles moves by a pose measured from keypoints. Here the pose is
+    measured otherwise: a share of the particles is moved to the place that the guided search
+    finds, and all turn by the rotation of the target's own points. Keypoints beside these helped a
+    little where the picture rolls far and nowhere else, for a third of the computing time
+    (decision 43). `appf_paper` has them.
 
     The response of a discriminative model is one more term of the likelihood. Place, size and box
-    are the model's, whose own maximum is more exact than a mean over six dimensions. Rotation and
-    shape are the particles', and the search window is turned by a rotation of theirs that brings a
-    higher response. When the target is found elsewhere they start again there.
+    are the model's, since the response's maximum is more exact than a mean over six dimensions.
+    Rotation and shape are the particles', and the search window takes the particles' rotation if
+    that gives a higher response. If the target is found elsewhere, the particles restart there.
     """
 
     NAME = 'appf'
@@ -76,7 +77,7 @@ class AffineParticleFilter(LocalisedTracker):
         values, particles, localiser = self._parameters, self._particles, self._localiser
         before = localiser.angle
         found = self._search.search(frame, dt)
-        # as the target's points turned, the particles did as well
+        # the particles turn by the rotation that was measured from the target's points
         self._turn(localiser.angle - before)
         found = self._turned(frame, found)
         weights = self._weigh(frame, dt, found)
@@ -103,7 +104,7 @@ class AffineParticleFilter(LocalisedTracker):
             self._particles.turn(angle)
 
     def _turned(self, frame: Frame, found: Found) -> Found:
-        """Return what was found, or what a window turned as the particles are finds there."""
+        """Return the place found, or that in a window with the particles' rotation, if better."""
         localiser, response = self._localiser, found.response
         angle = float(affine.angle(self._state))
         if (found.hidden or response.peak >= _SHORT * localiser.usual_response
@@ -123,7 +124,7 @@ class AffineParticleFilter(LocalisedTracker):
         logs = self._likelihood.log_likelihood(frame, particles.states, self._widths)
         logs *= _TEMPERED
         if not found.hidden:
-            # what hides the target says nothing of where it is
+            # while a distractor hides the target, the response doesn't measure its place
             scale = float(values['temperature']) * self._localiser.usual_response
             response = found.response
             logs += (response.sample(particles.states[:, :2, 2]) - response.peak) / scale
@@ -131,7 +132,7 @@ class AffineParticleFilter(LocalisedTracker):
         return weights / weights.sum()
 
     def _place(self, elsewhere: bool) -> None:
-        """Take place and size from the localiser; elsewhere, its rotation too."""
+        """Take place and size from the localiser, and if the target is elsewhere its rotation."""
         if elsewhere:
             self._state = np.eye(3)
             self._state[:2, :2] = affine.rotation(np.asarray(self._localiser.angle))
@@ -143,7 +144,7 @@ class AffineParticleFilter(LocalisedTracker):
 
     def _estimate(self, weights: Array) -> Estimate:
         boxes = affine.ellipse_bounds(self._particles.states, self._size)
-        # about the box that's reported, which isn't the particles' mean
+        # about the reported box, which isn't the particles' mean
         shown = self._localiser.box
         spread = spread_about(
             np.array([*shown.center, shown.width, shown.height]), boxes, weights)

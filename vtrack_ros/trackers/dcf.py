@@ -1,4 +1,4 @@
-"""The discriminative correlation filter alone: no filter over time, no particles."""
+"""The discriminative correlation filter alone: no temporal filter, no particles."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from vtrack_ros.tracker import Estimate, Tracker
 
 class CorrelationTracker(Tracker):
     """
-    Believes the highest response in the window about the last place.
+    Takes the highest response in the window about the last place.
 
-    What the other trackers add to it is seen by comparison.
+    It's the baseline that shows what the other trackers add to it.
     """
 
     NAME = 'dcf'

@@ -1,4 +1,4 @@
-"""What trackers share whose target is localised by what the parameter `localiser` says."""
+"""Base class of the trackers whose localiser is selected by the parameter `localiser`."""
 
 from vtrack_ros.appearance.siamese_network import SiameseNetwork
 from vtrack_ros.frame import Frame
@@ -12,7 +12,8 @@ class LocalisedTracker(Tracker):
     """
     A tracker whose table holds the parameters `filter_parameters.LOCALISER`.
 
-    Another localiser goes on with the target as it was first seen, where it is.
+    When the localiser is changed, the new one learns the target's appearance from the first frame
+    and continues at the target's present place.
     """
 
     _localiser: Hypotheses
@@ -37,7 +38,7 @@ class LocalisedTracker(Tracker):
         self._search = GuidedSearch(frame, self._localiser)
 
     def _adjust(self) -> None:
-        """Put in force what the parameters say of the localiser."""
+        """Apply the parameters of the localiser."""
         if self._localiser.network is not self._network:
             self._localiser.use(self._network)
         self._localiser.require(float(self._parameters['confidence_threshold']))

@@ -1,4 +1,4 @@
-"""OpenCV's own trackers behind this package's face, to compare with in one's own node."""
+"""OpenCV's own trackers behind this package's interface, to compare with in one's own node."""
 
 import ctypes
 from typing import Any, ClassVar
@@ -12,7 +12,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable, Value
 from vtrack_ros.tracker import Estimate, Tracker, TrackState
 
-#: None of them says how sure it is of the place.
+#: The covariance of their estimates: unknown, as none of them reports one.
 _NO_COVARIANCE: Array = np.full((4, 4), np.nan)
 
 
@@ -27,8 +27,9 @@ class OpenCVTracker(Tracker):
     """
 
     PARAMETERS = ParameterTable(())
-    #: The name of the class in `cv2` or `cv2.legacy`, and which OpenCV has it.
+    #: The name of the class in `cv2` or `cv2.legacy`.
     OPENCV_NAME: ClassVar[str]
+    #: Which OpenCV has it, for an error message.
     NEEDS: ClassVar[str] = 'its contrib modules (the package opencv-contrib-python-headless)'
     #: Whether every seed gives the same output.
     DETERMINISTIC: ClassVar[bool] = True
@@ -63,7 +64,7 @@ class OpenCVTracker(Tracker):
         try:
             found, rectangle = self._peer.update(_colour(frame))
         except cv2.error:
-            # some can't bear a box that has left the image
+            # some raise an error where the box has left the image
             found = False
         found = bool(found) and min(rectangle[2:]) > 0 and bool(np.isfinite(rectangle).all())
         if found:
@@ -75,7 +76,7 @@ class OpenCVTracker(Tracker):
         return Estimate(self._box, 0.0, _NO_COVARIANCE, self._score() if found else 0.0, state)
 
     def _score(self) -> float:
-        """Return how sure it is of a target that it has found, in [0, 1]."""
+        """Return the confidence in a target that it has found, in [0, 1]."""
         return 1.0
 
 
@@ -120,7 +121,7 @@ class MOSSE(OpenCVTracker):
 
 
 class NetworkTracker(OpenCVTracker):
-    """One of OpenCV's trackers that needs networks' files, its parameters; it gives a score."""
+    """One of OpenCV's trackers that has a score, and needs network files as parameters."""
 
     #: Parameter -> field of OpenCV's settings.
     _FIELDS: ClassVar[dict[str, str]]
@@ -182,7 +183,9 @@ class CamShift(OpenCVTracker):
 
     NAME = 'opencv_camshift'
     SUMMARY = "OpenCV's CamShift on hue"
+    #: Bounds of (hue, saturation, value) of the pixels that are used.
     _LOW, _HIGH = (0, 60, 32), (180, 255, 255)
+    #: Termination of mean shift: 10 iterations, or a step below 1 pixel.
     _STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 1.0)
 
     @classmethod

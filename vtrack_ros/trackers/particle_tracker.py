@@ -18,13 +18,15 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 
-#: Error of the measured centre, as a share of the target's mean side, where it's seen well.
+#: Standard deviation of the measured centre, as a share of the target's mean side, where the
+#: response is the usual one.
 _MEASURED_ERROR = 0.05
-#: The model of motion is made anew when the target's size has changed by this share.
+#: Relative change of the target's size at which the motion model is made anew.
 _OTHER_SIZE = 0.1
-#: Particles whose mean is further than that from the target, in sides, are carried to it.
+#: Distance of the particles' mean from the target, in sides, above which they are shifted to it.
 _CARRIED = 0.25
-#: Particles whose mean response is below this share of the target's have missed it.
+#: Particles have missed the target if their weighted mean response is below this share of that at
+#: the target's place.
 _MISSED = 0.8
 #: Standard deviations of place and velocity at the start, as shares of the mean side.
 _START = np.array([0.03, 0.03, 0.05, 0.05])
@@ -40,12 +42,12 @@ class ParticleTracker(LocalisedTracker):
     A particle filter whose forecast guides the search.
 
     The state is (cx, cy, vx, vy), in pixels and frames, at nearly constant velocity [Zhu2012, eq.
-    19]; the size is the scale regression's. What the filter expects is one of the forecasts that
-    the search weighs against the response, the more the better it foretold lately; the maximum
-    that is found so is the estimate, since a weighted mean is no more exact than the particles are
-    dense. The response is the particles' likelihood, and they are the covariance; far from the
-    estimate they are carried to it. Where they have missed it, as after a pause, and it's seen all
-    the same, they say nothing about it. A subclass gives the proposal.
+    19]; the size is the scale regression's. The filter's prediction is one of the forecasts that
+    the search weighs against the response, with a weight by its recent errors. The maximum that
+    the search finds is the estimate, since a weighted mean is no more exact than the particles are
+    dense. The response is the particles' likelihood, and their spread is the covariance; if they
+    are far from the estimate, they are shifted to it. Where they have missed a target that is seen
+    all the same, as after a pause, their spread isn't used. A subclass gives the proposal.
     """
 
     PARAMETERS = _SHARED
@@ -53,7 +55,7 @@ class ParticleTracker(LocalisedTracker):
 
     @abstractmethod
     def _proposal(self, model: ConstantVelocity) -> Proposal:
-        """Return the proposal for a model of motion."""
+        """Return the proposal for a motion model."""
 
     def _forecast(self, dt: float) -> Point | None:
         """Return where this filter expects the target, in pixels, or None if it can't say."""
@@ -67,7 +69,7 @@ class ParticleTracker(LocalisedTracker):
         return None, None
 
     def _configure(self) -> None:
-        # the model of motion and the filter are made anew in the next frame
+        # 0: the motion model and the filter are made anew in the next frame
         self._side = 0.0
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
@@ -87,7 +89,7 @@ class ParticleTracker(LocalisedTracker):
         responses = response.sample(proposed.states[:, :2])
         likelihood = responses * (
             1 / (float(self._parameters['temperature']) * localiser.usual_response))
-        # what hides the target says nothing of where it is
+        # while a distractor hides the target, the response doesn't measure its place
         weights = self._filter.weight(
             proposed, None if found.hidden else likelihood, dt).weights.values
         mean = weights @ boxes
@@ -130,7 +132,7 @@ class ParticleTracker(LocalisedTracker):
             np.zeros((4, 4)), self._boxes(self._filter.belief.states))
 
     def _correct(self, mean: Array) -> None:
-        """Let the forecast build on the target's place; far from it, carry the particles there."""
+        """Let the next forecast start at the target's place; shift particles far from it there."""
         center, belief = self._localiser.center, self._filter.belief
         if math.dist(center, mean.tolist()) > _CARRIED * self._side:
             states = belief.states.copy()
@@ -152,7 +154,7 @@ class ParticleTracker(LocalisedTracker):
 
 
 def _bound(states: Array, frame: Frame, dt: float) -> None:
-    """Keep places within a frame's size of the frame, and velocities what crosses all that."""
+    """Clamp places to one frame size about the frame, velocities to crossing that in a step."""
     height, width = frame.shape[:2]
     across, down = 3 * width / dt, 3 * height / dt
     np.maximum(states, (-width, -height, -across, -down), out=states)
@@ -173,11 +175,11 @@ class GreyParticleFilter(ParticleTracker):
     """
     GMPF: a grey forecast of the past estimates as the proposal [Zhu2012].
 
-    Printed otherwise, and mended: eqs 14 and 16, see `estimation.grey`; the particles are moved
-    to the forecast in place of drawn from a Gaussian whose spread (eq. 17) holds the square of
-    the motion but not the uncertainty about it; a share of them comes from the transition prior,
-    as in Chen et al. (2009), which the paper cites, for a few wrong forecasts in a row carry all
-    others away.
+    Differences from the printed method: eqs 14 and 16 are corrected, see `estimation.grey`; the
+    particles are moved to the forecast, not drawn from a Gaussian, whose covariance (eq. 17)
+    contains the square of the motion but not its uncertainty; a share of them is drawn from the
+    transition prior, as in Chen et al. (2009), which the paper cites, since a few wrong forecasts
+    in a row carry all the others away.
     """
 
     NAME = 'gmpf'

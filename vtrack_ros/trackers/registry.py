@@ -1,8 +1,9 @@
 """
-Trackers by name, and every front end offers them: the package's own, one line each, and others'.
+Trackers by name, as every front end offers them: this package's own and other packages'.
 
-Other packages add theirs by an entry point of the group `vtrack_ros.trackers`, whose name is the
-tracker's and whose value is its class (docs/adding_a_tracker.md).
+This package's own are in `_PRODUCT`, one line each. Other packages add theirs by an entry point of
+the group `vtrack_ros.trackers`, whose name is the tracker's and whose value is its class
+(docs/adding_a_tracker.md).
 """
 
 from functools import cache
@@ -40,8 +41,9 @@ def tracker_names(replicas: bool = True, installed: bool = True) -> tuple[str, .
     """
     Return the names of all trackers.
 
-    Without `replicas` those are left out that are there to compare with: the papers' and OpenCV's,
-    whether the installed OpenCV has them or not; else other packages'.
+    Without `replicas` those for comparison are left out: the papers', and OpenCV's, which are
+    listed whether the installed OpenCV has them or not. Without `installed` other packages' are
+    left out.
     """
     return (*(cls.NAME for cls in _PRODUCT), *(_installed() if installed else ()),
             *(cls.NAME for cls in (*OPENCV_TRACKERS, *REPLICAS) if replicas))
@@ -53,7 +55,7 @@ def available_peers() -> tuple[str, ...]:
 
 
 def tracker_class(name: str) -> type[Tracker]:
-    """Return the class of a tracker; the ValueError of an unknown one lists those there are."""
+    """Return the class of a tracker; the ValueError for an unknown name lists the valid ones."""
     found = _OWN.get(name) or _installed().get(name)
     if found is None:
         raise ValueError(f'unknown tracker {name!r}; valid are ' + ', '.join(tracker_names()))
@@ -75,7 +77,7 @@ def _installed() -> dict[str, type[Tracker]]:
         try:
             cls = entry.load()
             _check(entry.name, cls)
-        # Whatever a foreign module does wrong, the other trackers must not be lost by it.
+        # Whatever error another package's module raises, the other trackers must stay available.
         except Exception as error:  # noqa: B902
             warnings.warn(f'tracker {entry.name!r} of {entry.value} is left out: '
                           f'{type(error).__name__}: {error}', RuntimeWarning, stacklevel=1)
