@@ -1,4 +1,4 @@
-"""What goes wrong with recorded frames; a message says which, why, and what would do."""
+"""Errors about recorded frames; their messages name the file, the cause and the remedy."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,16 +7,16 @@ import sqlite3
 
 
 class SequenceError(ValueError):
-    """Recorded frames or their truth that can't be read or used."""
+    """Recorded frames or their truth can't be read or used."""
 
 
 class BagError(SequenceError):
-    """A bag that can't be read or written."""
+    """A bag can't be read or written."""
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say that it's `path` that can't be written, where the system only says why (a full disk)."""
+    """Raise BagError with `path` for system errors that name no file, such as a full disk."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:

@@ -1,4 +1,4 @@
-"""A file as it would be with other bytes in places: nothing is copied, and nothing written."""
+"""A read-only view of a file with some bytes replaced or added, without copying or writing."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Piece = bytes | range
 
 class FileView:
     """
-    The pieces of a file, one after the other, to be read as a file.
+    The concatenated pieces of a file, to be read as one file.
 
-    It's a path to rosbags' readers: a `rosbags.interfaces.typing.RPath`.
+    rosbags' readers take it as a path: it's a `rosbags.interfaces.typing.RPath`.
     """
 
     def __init__(self, path: Path, pieces: Sequence[Piece]) -> None:
@@ -48,11 +48,11 @@ class FileView:
         return self._path.exists()
 
     def is_dir(self) -> bool:
-        """Return that it's a file."""
+        """Return False, for it's a file."""
         return False
 
     def stat(self, *, follow_symlinks: bool = True) -> os.stat_result:
-        """Return what the system knows of the file itself."""
+        """Return the status of the underlying file."""
         return self._path.stat(follow_symlinks=follow_symlinks)
 
     def read_text(self, encoding: str | None = None) -> str:
@@ -61,12 +61,12 @@ class FileView:
             return file.read().decode(encoding or 'utf-8')
 
     def open(self, *_: Any, **__: Any) -> BinaryIO:  # noqa: A003
-        """Open it for reading bytes, whatever is asked for."""
+        """Open it for reading bytes, whatever the arguments."""
         return io.BufferedReader(_Pieces(self._path, self._pieces))
 
 
 class _Pieces(io.RawIOBase):
-    """What `FileView.open` buffers."""
+    """The raw stream that `FileView.open` buffers."""
 
     def __init__(self, path: Path, pieces: Sequence[Piece]) -> None:
         self._file = path.open('rb', buffering=0)

@@ -11,7 +11,7 @@ from vtrack_ros.bags.truth import true_box
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
-#: What a folder calls its truth.
+#: The name of a folder's ground truth, without its suffix.
 GROUND_TRUTH = 'groundtruth_rect'
 
 _IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '.pgm', '.ppm'})
@@ -32,7 +32,7 @@ def read_image(path: Path) -> Frame:
     """
     Return an image file as a frame of shape (H, W, 3) in BGR order, grey ones too.
 
-    It's turned upright where the file says how the camera was held. SequenceError if it can't be
+    It's rotated upright where the file has an EXIF orientation. SequenceError if it can't be
     decoded.
     """
     data = np.fromfile(path, np.uint8)
@@ -43,7 +43,7 @@ def read_image(path: Path) -> Frame:
 
 
 def ground_truth_files(folder: Path) -> list[Path]:
-    """Return the ground truths of a folder, the plain name first."""
+    """Return the ground-truth files of a folder, the shortest name (the plain one) first."""
     return sorted(folder.glob(f'{GROUND_TRUTH}*.txt'), key=lambda path: (len(path.name), path))
 
 
@@ -75,7 +75,7 @@ def read_ground_truth(path: Path) -> list[Box | None]:
 
 
 def by_number(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Return what paths are sorted by to have 2.png before 10.png."""
+    """Return a sort key of paths that puts 2.png before 10.png."""
     parts = [(int(part), '') if part.isdecimal() else (-1, part)
              for part in re.split(r'(\d+)', path.name)]
     return parts, path.name

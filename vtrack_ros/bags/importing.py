@@ -1,4 +1,4 @@
-"""Bags made of frames with their truth: from image folders, video files and scenes."""
+"""Making bags of frames with their truth, from image folders, video files and scenes."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -16,19 +16,20 @@ from vtrack_ros.bags.writer import BagWriter
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
-#: The stamp of the first frame, in nanoseconds: not zero, which ROS takes for "no time".
+#: The stamp of the first frame, in nanoseconds; not 0, which means "no time" to ROS.
 FIRST_STAMP = 1_000 * 1_000_000_000
 
-#: What's known of a frame: a box, None where the target is absent, or nothing at all.
+#: The truth of a frame: a box; None where the target is absent, or no truth is known.
 Truth = Box | None
 
 
 @dataclass(frozen=True)
 class Source:
     """
-    Where frames come from: image files, or where there are none a video that may tell its rate.
+    A source of frames: image files or, if `images` is empty, a video at `path`.
 
-    `truth` is the box of each frame, None where the target is absent; None where none is known.
+    `truth` has the box of each frame, None where the target is absent; it's None as a whole where
+    no truth is known. `rate` is the video's, in Hz, None where it's unknown.
     """
 
     path: Path
@@ -38,11 +39,11 @@ class Source:
 
     @property
     def count(self) -> int | None:
-        """Return the number of frames, where it's known before they are read."""
+        """Return the number of frames; None where it isn't known before they are read."""
         return len(self.images) or (None if self.truth is None else len(self.truth))
 
     def frames(self) -> Iterator[tuple[Frame, Truth]]:
-        """Decode the frames; SequenceError where one can't be, or they don't fit the truth."""
+        """Decode the frames; SequenceError if one can't be, or their number isn't the truth's."""
         count = 0
         for frame in _decoded(self.images) if self.images else _video_frames(self.path):
             count += 1
@@ -58,8 +59,9 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     """
     Open a video file, or a folder with images or with ``img/`` and ``groundtruth_rect.txt``.
 
-    `truth` is a file of boxes, one ``x,y,width,height`` a row; by default the folder's own.
-    SequenceError if there is nothing that can be read, or the truth doesn't fit.
+    `truth` is a file of boxes, one ``x,y,width,height`` a row; by default it's
+    ``groundtruth_rect.txt`` in the folder or its parent. SequenceError if nothing can be read, or
+    the truth has another number of rows than there are images.
     """
     if not path.exists():
         raise BagError(f'{path} does not exist')
@@ -86,10 +88,10 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
            storage: str = 'mcap', compression: str = 'none', topic: str = 'image',
            with_truth: bool = True) -> int:
     """
-    Write frames with their truth, at `rate` in Hz, into a bag; return how many there were.
+    Write frames with their truth, at `rate` in Hz, into a bag; return the number of frames.
 
-    The truth isn't written without `with_truth`; `path`, `storage` and `compression` are as
-    `BagWriter` takes them. BagError if there's no frame, the topic has no name for ROS, or the bag
+    The truth isn't written without `with_truth`; `path`, `storage` and `compression` are those of
+    `BagWriter`. BagError if there's no frame, the topic isn't a valid name in ROS, or the bag
     can't be written.
     """
     count, topic = 0, checked_topic(topic)

@@ -1,4 +1,4 @@
-"""The messages that travel in our bags, made and read without ROS."""
+"""The messages in our bags, made and read without ROS."""
 
 from functools import cache
 from typing import Any
@@ -21,11 +21,11 @@ DETECTIONS = 'vision_msgs/msg/Detection2DArray'
 POSE = 'geometry_msgs/msg/PoseStamped'
 TWIST = 'geometry_msgs/msg/TwistWithCovarianceStamped'
 
-#: The types that frames are read from.
+#: The message types that frames are read from.
 IMAGE_TYPES = (IMAGE, COMPRESSED_IMAGE)
 
-# Facts about vision_msgs 4.1, which rosbags' type store lacks. They stand here and not in a file,
-# because bags are read where vision_msgs isn't installed.
+# Definitions of vision_msgs 4.1, which rosbags' type store lacks. They are copied here, because
+# bags are also read where vision_msgs isn't installed.
 _VISION_MSGS = {
     'Point2D': 'float64 x\nfloat64 y\n',
     'Pose2D': 'vision_msgs/Point2D position\nfloat64 theta\n',
@@ -80,12 +80,12 @@ def compressed_image(frame: Frame, stamp: int, frame_id: str, compression: str) 
 def detections(
         box: Box | None, stamp: int, frame_id: str, angle: float = 0.0,
         score: float = 1.0) -> Any:
-    """Return a vision_msgs/msg/Detection2DArray; the arguments are those of the builder."""
+    """Return a vision_msgs/msg/Detection2DArray; arguments as in `messages.detections`."""
     return builder.detections(typestore().types, header(stamp, frame_id), box, angle, score)
 
 
 def detected_box(message: Any) -> Box | None:
-    """Return the box of a Detection2DArray's first detection; None without one, or its area."""
+    """Return the box of a Detection2DArray's first detection; None if missing or without area."""
     if not message.detections:
         return None
     bounds = message.detections[0].bbox

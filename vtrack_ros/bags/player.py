@@ -14,24 +14,24 @@ from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.reader import BagReader
 from vtrack_ros.bags.topics import absolute, checked_topic, Topic
 
-#: How long the player waits for reliable subscribers to have what was sent, in seconds.
+#: Time-out at the end for reliable subscribers to acknowledge what was sent, in seconds.
 _LONGEST_WAIT = 2.0
-#: How long it waits for them before it looks whether it's to stop, in seconds.
+#: Interval at which a request to stop is checked during such a wait, in seconds.
 _PAUSE = 0.05
-#: Who is later than that, in seconds, was held up: by a busy disk, Ctrl-Z, or Fast DDS, which
-#: takes a third of a second to see whether somebody new is alive.
+#: Delay, in seconds, above which the schedule of the remaining messages is shifted: a hold-up by a
+#: busy disk, Ctrl-Z, or Fast DDS, which takes 1/3 s to check whether a new participant is alive.
 _HELD_UP = 0.02
-#: How many messages a publisher keeps for reliable subscribers that are held up: seconds of images
-#: at their pace. One that also keeps them for those who subscribe late has fewer.
+#: Queue depths of publishers, in messages: of volatile ones, seconds of images for reliable
+#: subscribers that are held up, and of transient local ones, which serve late subscribers too.
 _DEPTH, _DEPTH_FOR_LATE = 100, 10
 
 
 @dataclass(frozen=True)
 class Pace:
     """
-    How a bag is played: twice as fast at rate 2, and again and again in a loop.
+    The pace at which a bag is played: `rate` is a factor of the speed, `loop` repeats for ever.
 
-    `clock` [Hz] is how often the bag's time is published on ``/clock``; 0 for never.
+    `clock` [Hz] is the rate at which the bag's time is published on ``/clock``; 0: never.
     """
 
     rate: float = 1.0
@@ -41,7 +41,7 @@ class Pace:
 
 @dataclass
 class Played:
-    """What was published: topic -> number of messages, how many were images, and the time."""
+    """What was published: messages by topic, images among them, and the time it took [s]."""
 
     counts: dict[str, int] = field(default_factory=dict)
     images: int = 0
@@ -50,24 +50,25 @@ class Played:
 
 class StopRequest:
     """
-    A request to stop, made at any time and waited for: an event for the handlers of signals.
+    A request to stop that can be waited for, like `threading.Event`, but safe in signal handlers.
 
-    The lock of a `threading.Event` may be held by whom a handler interrupts, another handler even.
+    The lock of a `threading.Event` may be held by the code that a handler interrupts, which may
+    even be another handler.
     """
 
     def __init__(self) -> None:
         self._requests: queue.SimpleQueue[None] = queue.SimpleQueue()
 
     def make(self) -> None:
-        """Make it."""
+        """Make the request."""
         self._requests.put(None)
 
     def made(self) -> bool:
-        """Return whether it was made."""
+        """Return whether the request was made."""
         return not self._requests.empty()
 
     def wait(self, seconds: float) -> bool:
-        """Wait until it's made, or for so long; return whether it was made."""
+        """Wait until it's made, for `seconds` at most; return whether it was made."""
         try:
             self._requests.put(self._requests.get(timeout=seconds))
         except queue.Empty:
@@ -79,10 +80,10 @@ class Player:
     """
     Publishes the raw messages of an open bag through an rclpy node; a context manager.
 
-    `topics` are by default all, `names` topic in the bag -> topic to publish on, where they
-    differ. `reliability` is reliable, best_effort, or auto: as was offered at recording;
-    durability always is as it was. `stop` ends it. BagError if a topic isn't in the bag, none can
-    be played, or a name won't do for ROS.
+    `topics` are by default all with messages; `names` maps topics of the bag to the names to
+    publish on, where these differ. `reliability` is reliable, best_effort, or auto: as it was
+    offered at recording; durability always is as it was offered. `stop` ends the playing.
+    BagError if a topic isn't in the bag, none can be played, or a name isn't valid in ROS.
     """
 
     def __init__(self, node: Any, bag: BagReader, topics: Iterable[str] | None = None,
@@ -117,7 +118,7 @@ class Player:
         return self._names.get(topic, topic)
 
     def wait_for_subscribers(self, seconds: float) -> bool:
-        """Wait until all images have a subscriber (everything, without images) or time is up."""
+        """Wait until all image topics (all topics, if none) have a subscriber, or time is up."""
         needed = [self._publishers[name] for name in self._images or self._publishers]
         deadline = time.monotonic() + seconds
         while not self.stop.made():
@@ -132,11 +133,11 @@ class Player:
         """
         Publish until the end or a request to stop; BagError if the bag turns out to be broken.
 
-        Every message has its time from the first one's, so that delays don't add up; but after a
-        hold-up the others keep their distances, for a subscriber that takes the newest image alone
-        would miss what comes at once. Only once the reliable subscribers to a topic's first image
-        have it, or `patience` [s] is over, time goes on: they may hear of the player later than it
-        hears of them.
+        Every message is scheduled relative to the first one, so that delays don't add up; but a
+        hold-up shifts the rest of the schedule, for a subscriber with a queue of one image would
+        miss those that come in a burst. After the first image of a topic the schedule is suspended
+        until its reliable subscribers have acknowledged it, or for `patience` [s]: they may
+        discover the player later than it discovers them.
         """
         played = Played({self.published_name(topic.name): 0 for topic in self.topics})
         clock = self._clock_publisher() if pace.clock else None
@@ -180,9 +181,10 @@ class Player:
 
     def _wait_until_received(self, topics: Iterable[str], seconds: float) -> bool:
         """
-        Wait until reliable subscribers have all of the topics; False if time was up before.
+        Wait until reliable subscribers have acknowledged all topics; False if it timed out.
 
-        A request to stop that is made meanwhile ends it: what was sent before one is still theirs.
+        A request to stop that is made meanwhile ends the wait; after one that was made before, it
+        still waits for what was sent.
         """
         from rclpy.duration import Duration
         deadline = time.monotonic() + seconds
@@ -196,7 +198,7 @@ class Player:
         return True
 
     def _sleep_until(self, moment: float) -> bool:
-        """Wait; return False if stopped."""
+        """Wait until a monotonic time [s]; return False if stopped."""
         left = moment - time.monotonic()
         return not (self.stop.wait(left) if left > 0 else self.stop.made())
 
@@ -230,7 +232,7 @@ class Player:
                                ', '.join(known))
 
     def _check_names(self) -> None:
-        """Raise BagError where ROS would take a name not at all, or not for two types."""
+        """Raise BagError if a name isn't valid in ROS, or would carry two message types."""
         self._check_known(self._names)
         types: dict[str, str] = {}
         for topic in self.topics:

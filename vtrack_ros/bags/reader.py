@@ -29,12 +29,12 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
 
-# What rosbags and the storage below it raise on data that isn't as it should be.
+# The exceptions that rosbags and the storage below it raise on invalid data.
 _BROKEN = (
     Ros1ReaderError, Ros2ReaderError, SerdeError, TypesysError, sqlite3.Error, struct.error,
     AssertionError, AttributeError, EOFError, IndexError, KeyError,
     MemoryError, OverflowError, RuntimeError, TypeError, ValueError)
-#: What compressed data begins with, and no message.
+#: The magic number that zstd data begin with; no message does.
 _ZSTD = b'\x28\xb5\x2f\xfd'
 
 
@@ -43,8 +43,8 @@ class StampedFrame:
     """
     A frame of a bag, of shape (H, W, 3) in BGR order or (H, W).
 
-    `stamp` and `frame_id` are from the message's header; the bag recorded it when it was
-    `received`; both times are in nanoseconds.
+    `stamp` and `frame_id` are from the message's header; `received` is when it was recorded. Both
+    times are in nanoseconds.
     """
 
     stamp: int
@@ -55,7 +55,7 @@ class StampedFrame:
 
 @dataclass(frozen=True)
 class RawMessage:
-    """A message as the bag holds it: topic, type, reception in nanoseconds, and ROS 2 CDR."""
+    """A serialised message: topic, type, time of reception in nanoseconds, and ROS 2 CDR."""
 
     topic: str
     message_type: str
@@ -67,15 +67,15 @@ class BagReader:
     """
     Reads a rosbag2 folder, a single .mcap or .db3 file, or a ROS 1 .bag; a context manager.
 
-    What a recorder that died leaves is read as far as it goes: a file without an end or an index,
-    and a folder without metadata.yaml, whose last file need not be one. Then `notice` says so.
-    BagError if a bag is missing, empty, or otherwise broken, or holds less than its metadata.yaml
-    or index promises: when it's opened, or when what is broken comes up.
+    A bag whose recorder died is read as far as possible: a file without an end or an index, and a
+    folder without metadata.yaml, whose last file may be unreadable. Then `notice` says so.
+    BagError if a bag is missing, empty or broken, or holds fewer messages than its metadata.yaml
+    or index says: when it's opened, or when reading reaches the broken part.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        #: A line about a bag that its recorder didn't finish, once it's open.
+        #: After opening, a line about a bag that its recorder didn't finish; else None.
         self.notice: str | None = None
         self._readers: list[Storage]
 
@@ -103,19 +103,19 @@ class BagReader:
         self._opened.close()
 
     def _open_files(self, opened: ExitStack) -> tuple[str, str]:
-        """Open all files; return what the recorder left out, and which file can't be read."""
+        """Open all files; return what's missing, and a note about an unreadable last file."""
         files = storage_files(self.path)
         missing = '' if files == [self.path] else 'metadata.yaml'
         for file in files:
             try:
                 reader, missing_there = open_storage(file)
             except Exception as error:
-                # The storages, and the compression below them, raise what they like; bz2 raises
-                # an OSError that the system knows nothing of.
+                # The storages, and the compression below them, may raise anything; bz2 raises an
+                # OSError without errno, which isn't the system's.
                 if isinstance(error, OSError) and error.errno is not None:
                     raise
                 if file == files[-1] and self._message_count():
-                    # A recorder may have died just after it made the file.
+                    # The recorder may have died just after creating the file.
                     return missing, f', and none in {file.name}'
                 raise self._broken(error, '' if file == self.path else f'in {file.name}'
                                    ) from error
@@ -129,10 +129,10 @@ class BagReader:
 
     @property
     def topics(self) -> dict[str, Topic]:
-        """Return the topics by name, which begins with a slash even if it was recorded without."""
+        """Return the topics by name, with a leading slash even if it was recorded without."""
         found: dict[str, Topic] = {}
         for connection in self._connections():
-            # ROS 1 records relative names as they are; to play them is to resolve them.
+            # ROS 1 records relative names as they are; playing resolves them.
             name = absolute(connection.topic)
             earlier = found.get(name)
             count = connection.msgcount + (earlier.count if earlier else 0)
@@ -147,7 +147,7 @@ class BagReader:
     def duration(self) -> float:
         """Return the time from the first message to the last, in seconds."""
         first = min(reader.start_time for reader in self._readers)
-        # rosbags' end is a nanosecond after the last message.
+        # The end_time of rosbags is a nanosecond after the last message.
         return max(0, max(reader.end_time for reader in self._readers) - 1 - first) / 1e9
 
     def image_topic(self, name: str | None = None) -> Topic:
@@ -178,8 +178,8 @@ class BagReader:
         """
         Iterate over the messages of some topics, or of all, in the order of reception.
 
-        Those of a ROS 1 bag are turned into ROS 2 messages; types unknown to Jazzy are left out.
-        A bag that is broken, or ends before all promised messages came, is a BagError.
+        Those of a ROS 1 bag are converted to ROS 2 messages; types unknown to Jazzy are left out.
+        BagError if the bag is broken, or holds fewer messages than it promises.
         """
         wanted = None if topics is None else set(map(absolute, topics))
         chosen = [[connection for connection in reader.connections
@@ -198,7 +198,7 @@ class BagReader:
             except StopIteration:
                 break
             except Exception as error:
-                # The storages raise what they like, and nothing but a storage runs here.
+                # The storages may raise anything, and only code of theirs runs here.
                 raise self._broken(error, f'after {count} messages') from error
             if data[:4] == _ZSTD:
                 raise BagError(f'{self.path} is compressed, message by message: it is read as a '
@@ -212,10 +212,10 @@ class BagReader:
     def frames(self, topic: str | None = None,
                malformed: list[str] | None = None) -> Iterator[StampedFrame]:
         """
-        Iterate over the images of a topic as `image_topic` finds it; errors as there and of `raw`.
+        Iterate over the images of a topic, chosen as by `image_topic`; errors as there and `raw`.
 
-        An image that can't be read is a BagError too, unless `malformed` is given: then it's left
-        out, and a message about it goes there.
+        An image that can't be decoded is a BagError too, unless `malformed` is given: then it's
+        left out, and an error message is appended to that list.
         """
         chosen = self.image_topic(topic)
         for number, raw in enumerate(self.raw({chosen.name})):
@@ -233,16 +233,16 @@ class BagReader:
                                message.header.frame_id, frame)
 
     def rate(self, topic: str) -> float:
-        """Return how many messages of a topic came in a second, or 25 where they don't tell."""
+        """Return a topic's rate, in Hz, by its median interval; 25 where that is unknown."""
         times = [raw.received for raw in self.raw({topic})]
         intervals = [late - early for early, late in zip(times, times[1:]) if late > early]
         return 1e9 / median(intervals) if intervals else 25.0
 
     def truth(self, topic: str = TRUTH_TOPIC) -> dict[int, Box | None]:
         """
-        Return the true box of every stamp in nanoseconds; None where the target is absent.
+        Return the true boxes by stamp in nanoseconds; None where the target is absent.
 
-        It comes from the topic, or else from the CSV beside the bag; empty where there's neither.
+        They come from the topic, or else from the CSV beside the bag; empty where there's neither.
         """
         known = self.topics.get(absolute(topic))
         if known is not None and known.message_type == messages.DETECTIONS:
@@ -272,6 +272,6 @@ class BagReader:
 
 
 def _profiles(connection: Connection) -> Sequence[Qos]:
-    """Return what the publishers offered, where that is known."""
+    """Return the QoS that the publishers offered; empty where it isn't known."""
     extension = connection.ext
     return extension.offered_qos_profiles if isinstance(extension, ConnectionExtRosbag2) else ()

@@ -1,4 +1,4 @@
-"""Running a tracker over a bag: as fast as it goes, the same every time, without a node."""
+"""Running a tracker over a bag: as fast as possible, reproducibly, and without a node."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from vtrack_ros.session.motion_filter import Motion
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate
 
-#: The state of a frame without a target, as the node calls it.
+#: The node's name for the state without a target.
 WAITING = 'waiting'
 
 
 @dataclass(frozen=True)
 class Step:
     """
-    What came of one frame: the estimate after it, and the milliseconds that the tracker took.
+    The result of one frame: the estimate after it, and the tracker's computing time [ms].
 
-    There is no estimate while there is no target, and no motion while it isn't measured; `started`
-    says whether it began on this frame.
+    `estimate` is None while there is no target, `motion` is None while it isn't measured;
+    `started` says whether tracking started on this frame.
     """
 
     image: StampedFrame
@@ -35,12 +35,12 @@ class Step:
 def replay(images: Iterable[StampedFrame], session: TrackingSession,
            truth: Mapping[int, Box | None], box: Box | None = None) -> Iterator[Step]:
     """
-    Follow a target through images, as the node would that drops none but late ones.
+    Track a target through images, as a node that drops no frames but late ones.
 
-    `session` has no target yet; `truth` is stamp in nanoseconds -> true box, None where the target
-    is absent. `box` says where it is in the first image, and again where the stamps go backwards
-    because a stream begins anew; by default the first true box says where it is, and when.
-    BagError if neither does, or nothing of the target is in the image.
+    `session` has no target yet; `truth` holds the true boxes by stamp in nanoseconds, None where
+    the target is absent. The tracker starts on `box` in the first image, and again where stamps go
+    backwards because a stream begins again; by default it starts on the first true box.
+    BagError if there's neither, or the tracker can't start on the box.
     """
     flow = FrameFlow()
     waiting = True

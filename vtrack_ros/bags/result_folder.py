@@ -1,4 +1,4 @@
-"""A replay's results on disk: table, bag and pictures, which replace earlier ones together."""
+"""A replay's results on disk: table, bag and pictures; all replace earlier ones together."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class ResultFolder:
     """
     Writes the results of a replay into a folder; a context manager.
 
-    They take the place of earlier results when they're complete: an error or an interruption
-    leaves the folder as it was.
+    They replace earlier results when they're complete: an error or an interruption before leaves
+    the folder as it was.
 
-    The folder is made where it isn't there; `source` is the bag that is read, which the results
-    must not replace. Until it's complete everything is written in `place`; other files of a
-    result go there too. BagError if it can't be written, or something stands there that isn't the
-    result of a replay.
+    The folder is created if it's missing; `source` is the bag that is read, which the results must
+    not replace. Until it's complete everything is written in the temporary folder `place`, where
+    the pictures have to be written as well. BagError if the folder can't be written, or has files
+    of these names that aren't the result of a replay.
     """
 
     def __init__(self, path: Path, source: Path) -> None:
@@ -42,7 +42,7 @@ class ResultFolder:
         self._source = source
 
     def __enter__(self) -> ResultFolder:
-        """Look at what is there, and begin to write."""
+        """Check existing files, and open the new ones."""
         self._check()
         self._made = not self._path.exists()
         try:
@@ -63,7 +63,7 @@ class ResultFolder:
         return self
 
     def __exit__(self, *error: Any) -> None:
-        """Put the results in their place, or remove them after an error."""
+        """Move the results to their place, or remove them after an error."""
         self._stack.__exit__(*error)
 
     def write(self, step: Step) -> None:
@@ -105,7 +105,7 @@ class ResultFolder:
 
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
-            # Should this be cut short, what it has not put back is still in the scratch folder.
+            # If this is interrupted, the scratch folder keeps earlier files and unmoved new ones.
             earlier = self._scratch / 'earlier'
             earlier.mkdir()
             for name in _FILES:

@@ -1,4 +1,4 @@
-"""The files that a bag consists of, and the rosbags reader for each."""
+"""The files of a bag, and the rosbags reader for each."""
 
 from pathlib import Path
 
@@ -16,9 +16,9 @@ Storage = Ros1Reader | Ros2Reader
 
 def storage_files(path: Path) -> list[Path]:
     """
-    Return what a bag is read from: itself, or the files of a folder without metadata in order.
+    Return what a bag is read from: `path`, or the sorted files of a folder without metadata.
 
-    BagError if it's no bag by its name, or the folder has no files, or no such files, of a bag.
+    BagError if `path` isn't a bag by its name, or the folder's files can't be read as one bag.
     """
     if path.is_dir():
         return [path] if (path / 'metadata.yaml').is_file() else _files_in(path)
@@ -37,9 +37,9 @@ def storage_files(path: Path) -> list[Path]:
 
 def open_storage(path: Path) -> tuple[Storage, str]:
     """
-    Open one of the `storage_files`; return its reader, and what the recorder left out of it.
+    Open one of the `storage_files`; return its reader, and what's missing: 'index', 'end' or ''.
 
-    That's empty for most. Raises what rosbags and the storages below it do.
+    Raises whatever rosbags and the storages below it raise.
     """
     reader: Storage
     missing = ''
@@ -50,7 +50,7 @@ def open_storage(path: Path) -> tuple[Storage, str]:
         file = unindexed_mcap(path)
         reader, missing = Ros2Reader(file or path), 'end' if file else ''
     else:
-        # SQLite would have to write into the file to have what its log holds.
+        # To read its write-ahead log, SQLite would have to write into the file.
         log = path.with_name(f'{path.name}-wal')
         reader = Ros2Reader(path)
         missing = 'end' if log.is_file() and log.stat().st_size else ''

@@ -12,9 +12,9 @@ _NAME = re.compile(r'(/[A-Za-z_][A-Za-z0-9_]*)+')
 @dataclass(frozen=True)
 class Topic:
     """
-    A topic of a bag, its name with a leading slash; `count` is that of its messages.
+    A topic of a bag, its name with a leading slash; `count` is the number of its messages.
 
-    `reliable` and `transient_local` are what its publisher offered, as far as that's known.
+    `reliable` and `transient_local` are what its publishers offered, as far as that's known.
     """
 
     name: str
@@ -30,7 +30,7 @@ def absolute(name: str) -> str:
 
 
 def checked_topic(name: str, remedy: str = '') -> str:
-    """Return a topic's name with its leading slash; BagError if ROS doesn't take the name."""
+    """Return a topic's name with its leading slash; BagError if it isn't valid in ROS."""
     full = absolute(name)
     if len(full) > _LONGEST or not _NAME.fullmatch(full):
         raise BagError(

@@ -17,7 +17,7 @@ _COLUMNS = ['stamp_ns', 'x', 'y', 'width', 'height']
 
 
 def true_box(x: float, y: float, width: float, height: float) -> Box | None:
-    """Return a box of the truth: None, the target is absent, unless it's finite and has area."""
+    """Return a true box; None (the target is absent) if it isn't finite or has no area."""
     finite = all(map(math.isfinite, (x, y, width, height)))
     return Box(x, y, width, height) if finite and width > 0 and height > 0 else None
 

@@ -1,9 +1,9 @@
 """
-MCAP files whose recorder died: whole records, but neither a summary nor an end.
+MCAP files whose recorder died: complete records, but neither a summary nor an end.
 
 See the MCAP specification, https://mcap.dev/spec: a file is a sequence of records between two
-marks, each with its kind (one byte) and its length (eight) before it. Messages stand in chunks or
-beside them; a summary at the end, of definitions, counts and chunks, is found from the footer.
+magic marks; each begins with its kind (one byte) and its length (eight bytes). Messages are in
+chunks or outside; the footer points to a summary at the end, of definitions, counts and chunks.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from vtrack_ros.bags.file_view import FileView, Piece
 _MARK = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = (
     0x02, 0x03, 0x04, 0x05, 0x06, 0x08, 0x0B, 0x0F)
-#: What follows the last record of data. No record is a 0, but what was never written may be.
+#: Kinds that end the data. 0 is no valid kind, but unwritten parts of a file may be zeros.
 _ENDS = (0x00, _FOOTER, _DATA_END)
-#: How many bytes of records beside chunks become a chunk, about.
+#: Approximate size of the chunks made from records outside chunks, in bytes.
 _CHUNK_SIZE = 1 << 20
 
 
 def unindexed_mcap(path: Path) -> FileView | None:
     """
-    Return a view of a file that has no end: its whole records, and an end with a summary.
+    Return a view of a file without an end: its complete records, with a summary and end added.
 
-    None for a file that has an end, or isn't MCAP. What is broken before the last record is a
-    ValueError, or what decompression raises.
+    None for a file that has an end, or isn't MCAP. If a chunk is broken and more messages follow,
+    ValueError, or whatever decompression raises.
     """
     with path.open('rb') as file:
         begins = file.read(len(_MARK)) == _MARK
@@ -48,7 +48,7 @@ def unindexed_mcap(path: Path) -> FileView | None:
 
 @dataclass
 class _Content:
-    """What stands in some records: definitions by kind and id, messages by channel, and when."""
+    """Contents of records: definitions by (kind, id), message counts by channel, time range."""
 
     definitions: dict[tuple[int, int], bytes] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)
@@ -56,7 +56,7 @@ class _Content:
     last: int = 0
 
     def add(self, stream: BinaryIO, kind: int, start: int, end: int) -> None:
-        """Note a record; of a message only its beginning is read."""
+        """Take a record into account; of a message only the beginning is read."""
         if kind in (_SCHEMA, _CHANNEL):
             stream.seek(start)
             record = stream.read(end - start)
@@ -68,19 +68,19 @@ class _Content:
             self.first, self.last = min(self.first, time), max(self.last, time)
 
     def merge(self, other: _Content) -> None:
-        """Take what other records hold as well."""
+        """Add the contents of other records."""
         self.definitions |= other.definitions
         self.counts += other.counts
         self.first, self.last = min(self.first, other.first), max(self.last, other.last)
 
 
 class _Summarised:
-    """The `pieces` of a file without an end, and of one."""
+    """The `pieces` of the view: those of a file without an end, and the end that's added."""
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self.pieces: list[Piece] = []
-        self._length = 0        # of the pieces
-        self._taken = 0         # of the file
+        self._length = 0        # of the pieces, in bytes
+        self._taken = 0         # bytes of the file that are in pieces
         self._content = _Content()
         self._beside = _Content()
         self._indices: list[bytes] = []
@@ -101,7 +101,7 @@ class _Summarised:
                 try:
                     self._note_chunk(file, start, end)
                 except Exception as error:
-                    # Decompression raises what it likes. Only the last chunk may be half written.
+                    # Decompression may raise anything. Only the last chunk may be incomplete.
                     broken = error
                     continue
             self._keep(end)
@@ -110,13 +110,13 @@ class _Summarised:
         self.pieces.append(self._end())
 
     def _keep(self, end: int) -> None:
-        """Go on with the file's bytes up to `end`."""
+        """Append the file's bytes up to `end`."""
         self.pieces.append(range(self._taken, end))
         self._length += end - self._taken
         self._taken = end
 
     def _gather(self, end: int) -> None:
-        """Go on up to `end`, with messages beside chunks as a chunk: rosbags sorts only those."""
+        """Append bytes up to `end`, messages as a chunk: rosbags sorts only messages in chunks."""
         size = end - self._taken
         if self._beside.counts:
             header = pack('<BQQQQIIQ', _CHUNK, 40 + size, self._beside.first, self._beside.last,
@@ -129,7 +129,7 @@ class _Summarised:
         self._keep(end)
 
     def _note_chunk(self, file: BinaryIO, start: int, end: int) -> None:
-        """Note what a chunk of the file holds."""
+        """Take a chunk of the file into account."""
         file.seek(start + 9)
         *_, size, crc, letters = unpack('<QQQII', file.read(32))
         compression = file.read(min(letters, end - start))
@@ -147,10 +147,10 @@ class _Summarised:
 
     def _index(self, content: _Content, length: int, compression: bytes, packed: int,
                size: int) -> None:
-        """Note where the next chunk is; each channel's index is said to follow it."""
+        """Index the next chunk, as if each channel's message index followed it."""
         offsets, place = b'', self._length + length
         for channel, count in content.counts.items():
-            # Its length tells rosbags how many messages there are; it's never read.
+            # rosbags counts messages by the length of that index, and never reads it.
             offsets += pack('<HQ', channel, place)
             place += 15 + 16 * count
         self._indices.append(_record(
@@ -173,7 +173,7 @@ class _Summarised:
 
 
 def _records(stream: BinaryIO, place: int, size: int) -> Iterator[tuple[int, int, int]]:
-    """Iterate over the whole records of data: kind, start and end."""
+    """Iterate over the complete records of the data: kind, start and end."""
     while place + 9 <= size:
         stream.seek(place)
         kind, length = unpack('<BQ', stream.read(9))

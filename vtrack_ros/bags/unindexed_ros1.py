@@ -2,9 +2,9 @@
 ROS 1 bags whose recorder died: chunks of messages, but no index of them.
 
 See the bag format 2.0, https://wiki.ros.org/Bags/Format/2.0: a record is a header of named fields
-and data, each with its length (four bytes) before it. Connections and messages stand in chunks; an
-index of each chunk follows it, and at the end come all connections and a list of the chunks, which
-the first record says where to find. A recorder writes the length of a chunk when it closes it.
+and data, each preceded by its length (four bytes). Connections and messages are in chunks; each
+chunk is followed by its index. At the end come all connections and a list of the chunks, whose
+position is in the first record. A recorder writes the length of a chunk when it closes it.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from vtrack_ros.bags.file_view import FileView, Piece
 
 _MARK = b'#ROSBAG V2.0\n'
 _MESSAGE, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = b'\x02', b'\x04', b'\x05', b'\x06', b'\x07'
-#: Headers have a few short fields: what says that it's longer is none.
+#: Upper bound of a header's length, in bytes: valid ones have a few short fields.
 _LONGEST_HEADER = 1 << 16
 
 
 def unindexed_ros1(path: Path) -> FileView | None:
     """
-    Return a view of a bag that has no index: its whole chunks, and an index of them.
+    Return a view of a bag without an index: its complete chunks, with an index added.
 
-    Of a last chunk that was never closed the whole messages are there, unless it's compressed.
-    None for a bag that has an index, or isn't one. What is broken before the last chunk is a
-    ValueError, or what decompression raises.
+    Of a last chunk that was never closed it has the complete messages, unless it's compressed.
+    None for a bag that has an index, or isn't one. If a chunk before the last is broken,
+    ValueError, or whatever decompression raises.
     """
     with path.open('rb') as file:
         if file.read(len(_MARK)) != _MARK:
@@ -48,7 +48,7 @@ def unindexed_ros1(path: Path) -> FileView | None:
 
 @dataclass(frozen=True)
 class _Record:
-    """The fields of a record's header, and where the record, its data and the next begin."""
+    """The fields of a record's header; where record, data and the next record begin [bytes]."""
 
     fields: dict[bytes, bytes]
     start: int
@@ -59,9 +59,9 @@ class _Record:
 @dataclass
 class _Chunk:
     """
-    A chunk that begins at `start`, and whose data end at `end`.
+    A chunk that begins at `start`, its data at `data`; they end at `end`.
 
-    `entries` are each connection's, of twelve bytes a message: its time, and where it stands.
+    `entries` are its index by connection, 12 bytes a message: time, and offset in the data.
     """
 
     start: int
@@ -77,7 +77,7 @@ class _Chunk:
 
 
 class _Indexed:
-    """The `pieces` of a bag without an index, and of one."""
+    """The `pieces` of the view: those of a bag without an index, and the index that's added."""
 
     def __init__(self, file: BinaryIO, header: _Record) -> None:
         self._file = file
@@ -108,7 +108,7 @@ class _Indexed:
         while (record := _record_at(self._file, place)) is not None:
             kind = record.fields.get(b'op')
             if kind == _INDEX:
-                # All of a bag have their fields in one order, which rosbags counts on.
+                # rosbags expects one order of the fields in all index records of a bag.
                 self._index_fields = tuple(record.fields)
             elif kind != _CHUNK:
                 break
@@ -118,7 +118,7 @@ class _Indexed:
                 try:
                     chunk = self._chunk(record)
                 except Exception as error:
-                    # Decompression raises what it likes. Only the last chunk may be half written.
+                    # Decompression may raise anything. Only the last chunk may be incomplete.
                     broken = error
                 else:
                     if chunk.entries:
@@ -148,7 +148,7 @@ class _Indexed:
         return chunk
 
     def _read(self, chunk: _Chunk, stream: BinaryIO, begin: int, end: int) -> int:
-        """Note the whole connections and messages of a chunk; return where they end."""
+        """Collect the complete connections and messages of a chunk; return where they end."""
         place = begin
         entries: dict[bytes, list[bytes]] = {}
         while (record := _record_at(stream, place)) is not None and record.end <= end:
@@ -186,7 +186,7 @@ def _chunk_info(chunk: _Chunk) -> bytes:
 
 
 def _record_at(stream: BinaryIO, start: int) -> _Record | None:
-    """Return the record that begins there, cut off or not; None where its header isn't whole."""
+    """Return the record at `start`, maybe cut off; None if its header is incomplete."""
     stream.seek(start)
     try:
         (length,) = unpack('<I', stream.read(4))

@@ -1,4 +1,4 @@
-"""Writing bags that `ros2 bag play` plays too."""
+"""Writing bags that `ros2 bag play` can play as well."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class BagWriter:
     """
     Writes a rosbag2 bag; a context manager.
 
-    The bag appears under its name when it's complete: an error or an interruption leaves nothing.
+    The bag appears under its name when it's complete: an error or interruption leaves no bag.
     `storage` is one of `STORAGES`; with a compression, one of `COMPRESSIONS`, images are stored as
     CompressedImage. BagError if the path exists, or can't be written.
     """
@@ -64,7 +64,7 @@ class BagWriter:
         plugin = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}[self._storage]
         self._writer = Writer(self._scratch / self._path.name, version=9, storage_plugin=plugin)
         if self._storage == 'mcap':
-            # Inside the file's chunks, which every reader of MCAP undoes by itself.
+            # Compresses chunks within the file, which every MCAP reader decompresses by itself.
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
         self._writer.open()
         return self
@@ -85,7 +85,7 @@ class BagWriter:
             shutil.rmtree(self._scratch, ignore_errors=True)
 
     def write(self, topic: str, message: Any, stamp: int) -> None:
-        """Write a message of `messages` as received at a stamp in nanoseconds."""
+        """Write a message made by `bags.messages` as received at `stamp` in nanoseconds."""
         name = message.__msgtype__
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
@@ -97,7 +97,7 @@ class BagWriter:
     def write_frame(
             self, frame: Frame, stamp: int, topic: str = '/image',
             frame_id: str = 'camera_optical_frame') -> None:
-        """Write a frame as an Image, or as a CompressedImage on the topic's ``/compressed``."""
+        """Write a frame as an Image, or as a CompressedImage on ``<topic>/compressed``."""
         if self._compression == 'none':
             self.write(topic, messages.image(frame, stamp, frame_id), stamp)
         else:

@@ -1,1 +1,1 @@
-"""Arrays as messages and back, whoever defines the message types: ROS or rosbags."""
+"""Conversion between arrays and messages, for message types of rclpy and of rosbags."""

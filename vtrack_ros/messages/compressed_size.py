@@ -1,23 +1,23 @@
-"""How many pixels a JPEG or PNG says it has, before anything makes room for them."""
+"""The size in the header of a JPEG or PNG, checked before a decoder allocates memory for it."""
 
 import struct
 
-#: No camera's image is larger, in pixels.
+#: Upper bound of an image's size, in pixels: no camera's image is larger.
 _LARGEST = 1 << 27
-#: No byte of a PNG, whose compression is the stronger one, stands for more pixels (one bit each).
+#: Upper bound of the pixels that a byte holds: that of PNG, which compresses more, at 1 bit each.
 _PIXELS_PER_BYTE = 1032 * 8
 _PNG, _JPEG = b'\x89PNG\r\n\x1a\n', b'\xff\xd8'
-#: JPEG's markers without a segment, and of those with the size: all of the frames' (ISO 10918-1).
+#: JPEG markers (ISO 10918-1): those without a segment, and frame headers, which hold the size.
 _ALONE = frozenset((0x01, *range(0xd0, 0xd8)))
 _FRAMES = frozenset(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 
 
 def checked_size(data: bytes) -> tuple[int, int]:
     """
-    Return width and height of a compressed image in pixels, as its header says.
+    Return width and height of a compressed image in pixels, as in its header.
 
-    ValueError if it's neither a JPEG nor a PNG, or says more than its bytes can hold: a decoder
-    makes room for that first, gigabytes for a message of two hundred bytes.
+    ValueError if it's neither a JPEG nor a PNG, or the size is more than its bytes can hold: a
+    decoder would allocate that first, gigabytes for a message of two hundred bytes.
     """
     size = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
     if size is None:
@@ -31,7 +31,7 @@ def checked_size(data: bytes) -> tuple[int, int]:
 def _png_size(data: bytes) -> tuple[int, int] | None:
     if len(data) < 24 or data[12:16] != b'IHDR':
         return None
-    # A decoder makes room for a chunk of the length that it says, too.
+    # Chunk lengths are checked as well: a decoder allocates memory for the length given.
     at, kind = len(_PNG), b''
     while kind != b'IEND':
         if at + 12 > len(data):

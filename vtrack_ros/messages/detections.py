@@ -10,7 +10,7 @@ from vtrack_ros.tracker import Estimate
 
 
 def bounding_box(types: Types, box: Box, theta: float = 0.0) -> Any:
-    """Return a BoundingBox2D; theta [rad] is counterclockwise as one sees the image."""
+    """Return a BoundingBox2D; theta [rad] is counterclockwise on the image."""
     x, y = box.center
     center = types['vision_msgs/msg/Pose2D'](
         position=types['vision_msgs/msg/Point2D'](x=float(x), y=float(y)), theta=theta)
@@ -20,9 +20,10 @@ def bounding_box(types: Types, box: Box, theta: float = 0.0) -> Any:
 
 def oriented_box(types: Types, estimate: Estimate) -> Any:
     """
-    Return the target's rotated box as a BoundingBox2D; its plain box where it has no rotation.
+    Return the target's rotated box as a BoundingBox2D; its plain box without an affine frame.
 
-    An `Estimate`'s angle is clockwise-positive on the image, vision_msgs' theta the other way.
+    The angle of an `Estimate` is positive clockwise on the image, theta of vision_msgs is positive
+    counterclockwise.
     """
     if estimate.affine is None:
         return bounding_box(types, estimate.box)
@@ -36,8 +37,8 @@ def detections(types: Types, header: Any, box: Box | None, angle: float = 0.0,
     """
     Return a Detection2DArray of one box, or an empty one for None.
 
-    The angle [rad] about the optical axis and the covariance (3, 3) [px^2] of the centre, z
-    included, go into the hypothesis' pose.
+    The angle [rad] about the optical axis and the covariance (3, 3) [px^2] of the centre (x, y, z)
+    go into the pose of the hypothesis.
     """
     found = []
     if box is not None:

@@ -1,8 +1,8 @@
 """
-Images as messages and as arrays, both ways.
+Conversion between image messages and arrays.
 
-Anything with the attributes of sensor_msgs/msg/Image or CompressedImage will do, whether it comes
-from rclpy or from a bag: nothing here needs ROS.
+Messages may be any objects with the attributes of sensor_msgs/msg/Image or CompressedImage, from
+rclpy or from a bag: nothing here needs ROS.
 """
 
 from array import array
@@ -19,15 +19,15 @@ from vtrack_ros.messages.compressed_size import checked_size
 
 @dataclass(frozen=True)
 class _Encoding:
-    """How the pixels of an encoding lie in memory, and how they become a frame."""
+    """The memory layout of an encoding's pixels, and their conversion into a frame."""
 
     channels: int
-    #: The OpenCV code that turns (H, W, channels) into BGR; None where that's what they are.
+    #: OpenCV's code for converting (H, W, channels) into BGR; None if it's BGR or grey already.
     convert: int | None = None
     bits: int = 8
     width_multiple: int = 1
     minimum_size: int = 1
-    #: Bytes of colour for every two pixels, in planes after that of the luma; 0 for no planes.
+    #: Bytes of chroma per two pixels, in planes after the luma plane; 0 if it isn't planar.
     colour: int = 0
 
 
@@ -45,8 +45,8 @@ def _planar(code: int, colour: int) -> _Encoding:
 
 _I420 = _planar(cv2.COLOR_YUV2BGR_I420, 1)
 
-# OpenCV names a Bayer pattern by the second row's second and third pixel, ROS by the first two
-# rows' first two: ROS's RGGB is OpenCV's BG.
+# OpenCV names a Bayer pattern by the second and third pixel of the second row, ROS by the first
+# two pixels of the first two rows: RGGB of ROS is BG of OpenCV.
 #: The encodings that `to_frame` reads.
 ENCODINGS = {
     'mono8': _Encoding(1),
@@ -87,8 +87,8 @@ def to_frame(message: Any) -> Frame:
     """
     Return the pixels of an image message.
 
-    Sixteen bits become eight by full scale: 65535 is 255, whatever the image holds, so that the
-    brightness of a scene doesn't jump from frame to frame.
+    Sixteen bits are scaled to eight by the full range (65535 becomes 255), whatever the image
+    holds, so that the brightness of a scene doesn't jump from frame to frame.
 
     The frame, (H, W, 3) in BGR order or (H, W), is contiguous; where nothing has to be converted
     it shares the message's memory, and is read-only if that is. ValueError if the encoding is
@@ -164,7 +164,7 @@ def fill_image(message: Any, frame: Frame) -> None:
     message.encoding = 'mono8' if frame.ndim == 2 else 'bgr8'
     message.is_bigendian = 0
     message.step = frame.shape[1] * (1 if frame.ndim == 2 else 3)
-    # rclpy takes an array as it is; a list, ndarray or memoryview it copies value by value.
+    # rclpy takes an array.array as it is, but copies a list, ndarray or memoryview by elements.
     data = array('B')
     data.frombytes(np.ascontiguousarray(frame).data)
     message.data = data
@@ -206,10 +206,10 @@ def _from_planes(data: NDArray[np.uint8], width: int, height: int, step: int,
     if encoding is _I420:
         if step % 2:
             raise ValueError(f'image step is {step} bytes, but i420 needs a multiple of 2')
-        # U, then V, in lines half as long.
+        # The U plane, then the V plane, with rows half as long.
         colour = colour.reshape(height, -1)[:, :width // 2].reshape(-1, width)
     elif encoding.colour == 4:
-        # OpenCV knows no colour for every pixel: every second one's has to do.
+        # OpenCV has no conversion with chroma for every pixel: that of every second one is used.
         colour = colour.reshape(height, -1)[:, :2 * width].reshape(height, -1, 4)[:, :, :2]
         colour = colour.reshape(height, width)
     else:

@@ -1,7 +1,7 @@
 """
 Headers, rotations and poses as messages.
 
-Every function takes the message types: their full names -> classes, of rclpy or of rosbags.
+Every function takes the message types, classes of rclpy or of rosbags by their full names.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,9 @@ import numpy as np
 
 from vtrack_ros.frame import Array
 
-#: The variance of an angle that may be anything, in rad^2: that of a uniform one.
+#: Variance of an unknown angle, in rad^2: that of a uniform distribution over the full circle.
 UNKNOWN_ANGLE = math.pi ** 2 / 3
-#: The variance of an angular velocity that nobody measures, in rad^2/s^2.
+#: Variance of an angular velocity, which isn't measured, in rad^2/s^2.
 UNKNOWN_RATE = 1e6
 
 Types = Mapping[str, Any]
@@ -46,8 +46,8 @@ def pose_with_covariance(types: Types, position: Sequence[float] | Array,
     """
     Return a geometry_msgs/msg/PoseWithCovariance, over (x, y, z, about x, about y, about z).
 
-    `covariance` (3, 3) is the position's; None or NaN: nothing is known, all is 0, as elsewhere in
-    ROS. No tracker estimates how sure it is of the rotation: its variances are those of a uniform
+    `covariance` (3, 3) is the position's; if it's None or NaN, unknown, all are 0, as elsewhere in
+    ROS. No tracker estimates the uncertainty of the rotation: its variances are those of a uniform
     angle.
     """
     full = np.zeros((6, 6))
@@ -60,10 +60,10 @@ def pose_with_covariance(types: Types, position: Sequence[float] | Array,
 
 def twist_with_covariance(types: Types, velocity: Array, covariance: Array) -> Any:
     """
-    Return a geometry_msgs/msg/TwistWithCovariance of a velocity (3,), which doesn't turn.
+    Return a geometry_msgs/msg/TwistWithCovariance of a linear velocity (3,).
 
-    `covariance` (3, 3) is the velocity's; NaN: nothing is known, all is 0. No tracker measures an
-    angular velocity: its variances are large.
+    `covariance` (3, 3) is the velocity's; if it's NaN, unknown, all are 0. No tracker measures the
+    angular velocity: it's 0, with a large variance.
     """
     full = np.zeros((6, 6))
     if np.isfinite(covariance).all():

@@ -1,4 +1,4 @@
-"""Selections of a target out of messages."""
+"""Selections of a target, made from messages."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ from vtrack_ros.session.selection import Click, Selection
 
 def from_detection(message: Any, source: str) -> Selection:
     """
-    Return the selection that a Detection2D makes; a rotated box stands for its upright bound.
+    Return a Detection2D as a selection; a rotated box is replaced by its upright bounding box.
 
     ValueError if the box isn't finite, or its size isn't positive.
     """
@@ -34,16 +34,17 @@ def from_detection(message: Any, source: str) -> Selection:
 
 
 def from_roi(message: Any, source: str) -> Selection:
-    """Return the selection that a RegionOfInterest makes; ValueError if its size is zero."""
+    """Return a RegionOfInterest as a selection; ValueError if its size is zero."""
     box = Box(message.x_offset, message.y_offset, message.width, message.height)
     return Selection(box, source, clamp=True)
 
 
 def from_point(message: Any, size: float, source: str) -> Selection:
     """
-    Return the selection that a PointStamped makes, x and y in pixels; ValueError if not finite.
+    Return a PointStamped, x and y in pixels, as a selection; ValueError if it isn't finite.
 
-    `size` is the side of the square about it, in pixels; 0: the extent is found.
+    `size` is the side of the square about the point, in pixels; with 0, the target's extent is
+    determined from the image.
     """
     x, y = float(message.point.x), float(message.point.y)
     if not (math.isfinite(x) and math.isfinite(y)):
@@ -54,9 +55,9 @@ def from_point(message: Any, size: float, source: str) -> Selection:
 
 def best_detection(message: Any, class_id: str, score: float, source: str) -> Selection | None:
     """
-    Return the best detection of a Detection2DArray as a selection; None where none will do.
+    Return the best detection of a Detection2DArray as a selection; None if none is suitable.
 
-    It is of the class `class_id` (empty: any), and its score is at least `score`.
+    Suitable ones are of the class `class_id` (empty: any), with a score of at least `score`.
     """
     found: list[tuple[float, Selection]] = []
     for detection in message.detections:

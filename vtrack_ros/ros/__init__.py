@@ -1,1 +1,1 @@
-"""The ROS 2 node; nothing outside this package imports rclpy, but the bag player."""
+"""The ROS 2 node; of the rest only `bags.player`, `selecting`, `cli` and `demo` import rclpy."""

@@ -1,4 +1,4 @@
-"""What the node says of itself: the target's state, and the flow of images."""
+"""Diagnostics of the node: the target's state, and the flow of images."""
 
 from collections.abc import Callable, Mapping, Sequence
 import time
@@ -13,13 +13,13 @@ from vtrack_ros.ros.qos import Input
 from vtrack_ros.session.frame_flow import FrameFlow
 from vtrack_ros.tracker import Estimate, TrackState
 
-#: Share of missing frames from which on it's worth a warning.
+#: Share of missing frames above which a warning is reported.
 NOTABLE_LOSS = 0.01
-#: After so many seconds without an image what was measured is no longer true.
+#: Time-out, in seconds: without a good image for longer, the last measurement is stale.
 LONGEST_SILENCE = 1.0
-#: What Fast DDS's shared memory holds unless it is given our profile, in bytes.
+#: Size of Fast DDS's shared-memory segment without our profile, in bytes.
 SHARED_MEMORY = 512 * 1024
-#: What is to be done about large images that are lost on the way.
+#: The advice where large images are lost on the way.
 _PROFILE_ADVICE = ('lost before they came here: use the Fast DDS profile config/fastdds.xml on '
                    'both sides')
 
@@ -32,9 +32,10 @@ _LEVELS = {
 
 class Diagnostics:
     """
-    Watches the flow of images, and reports on ~/state and /diagnostics.
+    Monitors the flow of images, and reports on ~/state and /diagnostics.
 
-    `inputs` are watched, and `images`, while they are taken; `make_state` says how the target is.
+    `inputs` are checked for QoS mismatches, and so is `images`, None while none are taken.
+    `make_state` returns the target's state.
     """
 
     def __init__(self, node: Node, publishers: Publishers,
@@ -48,7 +49,7 @@ class Diagnostics:
         self._told = False
         self._reported: tuple[str, bytes] = ('', b'')
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        # Simulated time may stand still, and just then somebody wants to know why.
+        # On a steady clock, for simulated time may stand still, and the reports must go on.
         self._timer = node.create_timer(
             1.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -59,11 +60,11 @@ class Diagnostics:
 
     @property
     def stale(self) -> bool:
-        """Return whether no good image has come for so long that it's worth a warning."""
+        """Return whether no good image has come for more than `LONGEST_SILENCE`."""
         return self.flow.age(time.perf_counter_ns()) > LONGEST_SILENCE
 
     def publish_state(self, make: Callable[[], DiagnosticStatus] | None = None) -> None:
-        """Publish the target's state; on /diagnostics too if it's another than before."""
+        """Publish the target's state; on /diagnostics too if it has changed."""
         self._publishers.publish_state(make or self._make_state)
         self._told = True
         if self._publisher.get_subscription_count():
@@ -76,7 +77,7 @@ class Diagnostics:
             one.check()
         if self.images is not None:
             self.images.warn_of_several()
-        # Who comes while nothing happens, or while it's paused, hears of it as well.
+        # Without frames, or paused, once a second for subscribers that came meanwhile.
         if not self._told:
             self._publishers.publish_state(self._make_state)
         self._told = False
@@ -87,7 +88,7 @@ class Diagnostics:
             level, text, values = report(self.flow, time.perf_counter_ns(), faults,
                                          self.images.publishers, self.images.topic)
             if text.endswith(_PROFILE_ADVICE):
-                # Nobody looks at diagnostics for what seems to work.
+                # In the log as well: few people read diagnostics while all seems to work.
                 self._node.get_logger().warning(f'{text} (said once)', once=True)
             values['reliability'] = self.images.reliability
             values['lost by the middleware'] = str(self.images.lost)
@@ -98,7 +99,7 @@ class Diagnostics:
             self._publish(*rows, self._make_state())
 
     def _publish(self, *rows: DiagnosticStatus) -> None:
-        """Publish rows, that of the target last, with the node's time."""
+        """Publish rows, the target's last, stamped with the node's time."""
         self._reported = (rows[-1].message, rows[-1].level)
         message = DiagnosticArray(status=list(rows))
         message.header.stamp = self._node.get_clock().now().to_msg()
@@ -108,9 +109,10 @@ class Diagnostics:
 def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | None,
                  values: Mapping[str, str], stale: bool = False) -> DiagnosticStatus:
     """
-    Return the target's state, for the node's full name, the tracker's and that of the state.
+    Return the target's state as a DiagnosticStatus.
 
-    `values` are more to tell; `stale`, whether the estimate is no longer of what the camera sees.
+    `name` is the node's full name; `tracker` and `state_name` name the tracker and the state.
+    `values` are added to the message; `stale`: the estimate isn't of the camera's current image.
     """
     rows = {'tracker': tracker, **values}
     level = DiagnosticStatus.OK
@@ -118,7 +120,7 @@ def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | 
         if state_name == 'stale':
             level = max(_LEVELS[estimate.state], DiagnosticStatus.WARN)
         elif state_name == estimate.state.value:
-            # Who paused it has no need of a warning.
+            # No warning where the node is paused or inactive: somebody asked for it.
             level = _LEVELS[estimate.state]
         box = estimate.box
         rows['box'] = ('stale' if stale else
@@ -132,7 +134,7 @@ def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | 
 def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
            topic: str) -> tuple[int, str, dict[str, str]]:
     """
-    Judge the flow since the last report: level (0 well, 1 a warning, 2 an error), text, values.
+    Return level (0 OK, 1 warning, 2 error), text and values for the flow since the last report.
 
     `now` [ns] is on the clock of `FrameFlow.arrived`; `faults` are QoS mismatches, `publishers`
     those of the image topic.
@@ -163,7 +165,7 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
             reason = (f'a frame takes {processing[0]:.1f} ms: choose a faster tracker or fewer '
                       'particles')
         elif np.percentile(flow.latency or [0.0], 100 * (1 - share / 2)) > interval:
-            # half as many were late as are missing; a single one is no reason for many
+            # late: latency above the interval; at least half as many are late as are missing
             reason = 'and others are answered late: the processor or the network is busy'
         elif flow.largest > SHARED_MEMORY // 2:
             reason = _PROFILE_ADVICE

@@ -1,4 +1,4 @@
-"""The managed node, for those who bring robots up in steps."""
+"""The managed (lifecycle) node, for systems that are brought up in steps."""
 
 from typing import Any
 
@@ -13,8 +13,8 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
     """
     The tracking node under a lifecycle manager.
 
-    Unconfigured it has its parameters alone. Configured, it offers its topics and services;
-    active, it takes images. Deactivating keeps the target, cleaning up forgets it.
+    Unconfigured, it has only its parameters; configured, its topics and services too; active, it
+    takes images. Deactivating keeps the target, cleaning up forgets it.
 
     The arguments are those of rclpy's node, the errors those of ParameterNode.
     """
@@ -65,7 +65,7 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
         super().destroy_node()  # type: ignore[no-untyped-call]
 
     def _on_change_state(self, request: Any, response: Any) -> Any:
-        """Answer what rclpy raises an exception at, and its clients would wait for for ever."""
+        """Refuse an impossible transition; rclpy raises, and its client would wait for ever."""
         try:
             return self._change(request, response)
         except RuntimeError:

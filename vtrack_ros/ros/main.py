@@ -1,4 +1,4 @@
-"""The executable `tracker`: one target, followed through sensor_msgs/Image."""
+"""The executable `tracker`: tracks one target in sensor_msgs/Image."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -26,28 +26,29 @@ docs/node.md describes the topics, docs/parameters.md the parameters."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the plain node until it's told to end; return the exit code."""
+    """Run the plain node until a signal ends it; return the exit code."""
     return _run('tracker_node', 'TrackerNode', arguments)
 
 
 def lifecycle_main(arguments: Sequence[str] | None = None) -> int:
-    """Run the managed node until it's told to end; return the exit code."""
+    """Run the managed node until a signal ends it; return the exit code."""
     return _run('lifecycle', 'TrackerLifecycleNode', arguments)
 
 
 def _run(module: str, node: str, arguments: Sequence[str] | None) -> int:
     """
-    Make a node, once ROS is up, and spin it on one thread until a signal ends it.
+    Initialise ROS, create a node, and spin it in one thread until a signal ends it.
 
-    Returns the exit code: 0 after a signal, 2 if a parameter was wrong from the start.
+    Returns the exit code: 0 after a signal or --help, 2 if an argument or a parameter is wrong at
+    the start, or a Python package is missing.
     """
-    # A target is too small for the threads of a matrix product to pay; on a robot they only take
-    # the time of others. Read when NumPy is loaded, which is later.
+    # The matrices of a target are too small for multithreaded products to pay; on a robot the
+    # threads only take CPU time from other processes. NumPy, loaded later, reads the variable.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     os.environ.update(receiving_profile(os.environ))
     # ROS takes a while to load; a signal in that time must end the process as cleanly as later.
-    # The wheels of PyPI execute Python anew for it: handlers don't outlive that, but what is
-    # blocked stays blocked, and is delivered once it's let through.
+    # The wheels of PyPI exec Python anew while loading: handlers don't survive that, but blocked
+    # signals stay blocked, and are delivered once they're unblocked.
     for number in _SIGNALS:
         signal.signal(number, signal.default_int_handler)
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
@@ -76,10 +77,10 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
 
     words = list(sys.argv if arguments is None else arguments)
     cv2.setNumThreads(1)
-    # An executor that a signal finds half made complains when it's taken down.
+    # Blocked, for an executor whose construction a signal interrupts raises errors when destroyed.
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
-    # From here on ROS hears them, all but a closed terminal: an exception amidst ROS's own code
-    # would come out as another one, or be lost.
+    # From here on rclpy handles the signals, all but SIGHUP (which becomes SIGTERM): an exception
+    # raised by a handler within ROS's own code would come out as another one, or be lost.
     for number in _SIGNALS:
         signal.signal(number, _leave_to_ros)
     try:
@@ -105,26 +106,26 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
                 raise
             print('tracker:', *str(error).split(), file=sys.stderr)
             return 2
-        # What is there now stays: a collector that looks through it all again stops the node for
-        # several frames of a fast camera.
+        # Objects that exist now live on, so garbage collection may skip them: a full collection
+        # stops the node for several frames of a fast camera.
         gc.collect()
         gc.freeze()
-        # A signal that comes just when the executor goes to sleep may fail to wake it: the
-        # shutdown is then seen at the next beat, instead of never.
+        # A signal that comes just as the executor goes to sleep may fail to wake it: this timer
+        # lets it see the shutdown within a second, instead of never.
         node.create_timer(1.0, lambda: None, clock=Clock(clock_type=ClockType.STEADY_TIME))
         executor.add_node(node)
         while rclpy.ok():
             try:
                 executor.spin()
             except Exception as error:
-                # A request that rclpy itself can't read ends in an exception here; a robot's
-                # node must outlive it.
+                # A request that rclpy can't deserialise raises an exception here; the node has
+                # to survive it.
                 if not rclpy.ok():
                     raise
                 node.get_logger().error(f'{type(error).__name__}: {error}',
                                         throttle_duration_sec=2.0)
     except Exception:
-        # After a shutdown, an exception is only the way out.
+        # After a shutdown an exception only ends the spinning, and is no error.
         if rclpy.ok():
             raise
     finally:
@@ -133,7 +134,7 @@ def _spin(module: str, kind: str, arguments: Sequence[str] | None) -> int:
             signal.signal(number, signal.SIG_IGN)
         if node is not None:
             leave(node)
-        # the signal's own thread may end the context between rclpy's look at it and its call
+        # the signal handler's thread may end the context between rclpy's check and its call
         with suppress(rcl.RCLError):
             rclpy.try_shutdown()
     return end_process(0)
@@ -145,7 +146,7 @@ def _leave_to_ros(number: int, _: FrameType | None) -> None:
 
 
 def _explained(text: str) -> str:
-    """Return what rcl says of arguments that it refuses, with what is valid."""
+    """Return rcl's error message about arguments, with what is valid added."""
     if text.startswith('['):
         return (f'unknown ROS arguments {text}; valid are -r FROM:=TO, -p NAME:=VALUE, '
                 '--params-file FILE and --log-level LEVEL, and --help after a --')

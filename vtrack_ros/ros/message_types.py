@@ -7,7 +7,7 @@ from rclpy.node import Node
 
 
 class MessageTypes(dict[str, Any]):
-    """Full name, such as ``sensor_msgs/msg/Image`` -> class, imported when it's asked for."""
+    """Full name, such as ``sensor_msgs/msg/Image`` -> class, imported on first use."""
 
     def __missing__(self, name: str) -> Any:
         """Import a class; ImportError where its package isn't installed."""
@@ -17,7 +17,7 @@ class MessageTypes(dict[str, Any]):
 
 
 def installed(package: str, lost: str, node: Node) -> bool:
-    """Return whether a package of messages is installed that a node can live without."""
+    """Return whether an optional message package is installed; if not, warn what is `lost`."""
     try:
         import_module(f'{package}.msg')
     except ImportError:

@@ -1,7 +1,7 @@
 """
-The parameters as files: config/*.yaml and docs/parameters.md, made from the tables.
+Parameter files and manual: config/*.yaml and docs/parameters.md, generated from the tables.
 
-`python -m vtrack_ros.ros.parameter_files` writes them afresh into the source tree.
+`python -m vtrack_ros.ros.parameter_files` regenerates them in the source tree.
 """
 
 from collections.abc import Iterable, Iterator
@@ -38,13 +38,13 @@ with the reason and the valid range, and nothing changes.
 tracker and hold its parameters. This page and those files are made from the tables in the code by
 `python -m vtrack_ros.ros.parameter_files`.
 """
-#: What other packages add isn't in this one's files.
+#: The trackers that get a file: without OpenCV's, the papers' and those of other packages.
 _PRODUCT = tracker_names(replicas=False, installed=False)
 _TABLE = '| parameter | default | valid | what it does |', '| --- | --- | --- | --- |'
 
 
 def files() -> dict[str, str]:
-    """Return the path in the source tree -> the text of every file."""
+    """Return the text of every file, by its path in the source tree."""
     texts = {f'config/{name}.yaml': _tracker_yaml(name) for name in _PRODUCT}
     texts['config/node.yaml'] = _node_yaml()
     texts['docs/parameters.md'] = _page()

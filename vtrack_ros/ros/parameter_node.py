@@ -1,4 +1,4 @@
-"""A node's parameters: declared from the tables, refused with what is valid, put in force."""
+"""A node's parameters: declared from the tables, checked with clear errors, and applied."""
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
@@ -16,16 +16,16 @@ from vtrack_ros.parameters import Parameter, ParameterTable, Value
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import tracker_class, tracker_names
 
-#: The name of the only parameter that isn't a scalar, and so isn't in the table.
+#: The only parameter that isn't a scalar, and so isn't in the table.
 INIT_BOX = 'init_box'
 INIT_BOX_DESCRIPTION = (
     'The target on the first frame of the stream: x, y, width, height in pixels of the image. '
     'Empty: wait for a selection.')
-#: What is said to whom rclpy's own parameters for that would do nothing.
+#: The warning about `qos_overrides` parameters, which this node doesn't apply.
 _QUALITY = ('inputs take what their publisher offers, and the newest message alone; the images '
             "have the parameter 'reliability'")
 
-#: The node's own parameters; every tracker's own ones come beside them, behind its name.
+#: The node's own parameters. Those of each tracker are added, with its name as their prefix.
 NODE_PARAMETERS = ParameterTable([
     Parameter('tracker', 'gmpf', 'The tracker; changing it keeps the target.',
               choices=tracker_names()),
@@ -63,7 +63,7 @@ NODE_PARAMETERS = ParameterTable([
 
 
 def parameter_table() -> dict[str, Parameter]:
-    """Return every scalar parameter of the node by its full name, trackers' own ones last."""
+    """Return every scalar parameter by its full name: the node's, then the trackers'."""
     rows = dict(NODE_PARAMETERS)
     for tracker in tracker_names():
         for name, row in tracker_class(tracker).PARAMETERS.items():
@@ -73,7 +73,7 @@ def parameter_table() -> dict[str, Parameter]:
 
 
 class NodeSettings(dict[str, Value]):
-    """The values in force of the node's own parameters."""
+    """The current values of the node's own parameters."""
 
     def text(self, name: str) -> str:
         """Return a value that is text."""
@@ -86,7 +86,7 @@ class NodeSettings(dict[str, Value]):
 
 def checked_init_box(value: Any) -> Box | None:
     """
-    Return the box that the parameter `init_box` spells; None for an empty one.
+    Return the value of the parameter `init_box` as a box; None for an empty one.
 
     TypeError or ValueError if it isn't four finite numbers with a positive size.
     """
@@ -130,13 +130,13 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
 
 class ParameterNode(Node):
     """
-    A node whose parameters, and so its tracking session, come from the tables.
+    A node whose parameters are declared from the tables, with the tracking session they configure.
 
-    rclpy's own answers leave out the name of an unknown parameter, and the range of one that is of
-    the wrong type: here they are told, as is whatever the session refuses.
+    rclpy's own errors leave out the name of an unknown parameter, and the range of one of the
+    wrong type: here errors name them, and what the session refuses.
 
-    `settings` and `init_box` are what is in force, `session` has the trackers' own parameters;
-    `on_change` is called with the names of what was changed, once it is in force.
+    `settings` and `init_box` are the current values, `session` has the trackers' parameters;
+    `on_change` is called with the names of changed parameters after the change was applied.
 
     TypeError, ValueError or rclpy's ParameterException if a value given at the start is wrong.
     """
@@ -150,16 +150,16 @@ class ParameterNode(Node):
                 self.declare_parameter(full, row.default, descriptor(row))
             except InvalidParameterTypeException:
                 raise _wrong_type(row, self._parameter_overrides[full].value) from None
-        # A list that YAML or a command line spells may be of integers, of floats or empty: all
-        # are right, and static typing would take but one of them.
+        # A list from YAML or a command line may hold integers or floats, or be empty: all are
+        # valid, but static typing would accept only one of them.
         self.declare_parameter(INIT_BOX, [], ParameterDescriptor(
             name=INIT_BOX, description=INIT_BOX_DESCRIPTION, dynamic_typing=True,
             additional_constraints='valid: 4 finite numbers, width and height positive; or none'))
         if self.get_parameter(INIT_BOX).value is None:
-            # What [] is for ROS, which can't tell what there is none of.
+            # ROS gives None for [], whose element type it can't infer.
             super().set_parameters([RosParameter(INIT_BOX, value=[])])
-        # rclpy takes no notice of these, and a slip of the pen would go unseen. They may be meant
-        # for other nodes of the same file, so that they are no reason to stop.
+        # rclpy ignores unknown parameters, and a typo would go unnoticed. They may be meant for
+        # other nodes of the same file, so this is only a warning.
         for full in sorted(self._parameter_overrides):
             if self.has_parameter(full) or full.startswith('qos_overrides./clock.'):
                 continue
@@ -200,7 +200,7 @@ class ParameterNode(Node):
         return result
 
     def _check_as_ros_does(self, values: dict[str, Any]) -> None:
-        """Raise an error at what rclpy would refuse in other words, or not at all."""
+        """Raise an error at what rclpy would refuse less clearly, or not at all."""
         for name, value in values.items():
             row = self._table.get(name)
             if row is None:
@@ -213,7 +213,7 @@ class ParameterNode(Node):
                 raise _wrong_type(row, value)
 
     def _neighbours(self, name: str) -> str:
-        """Return the valid names beside a wrong one: a tracker's own, or the node's."""
+        """List valid names in place of a wrong one: those with its prefix, else the node's."""
         prefix = name.split('.', 1)[0] + '.'
         own = [full for full in self._table if full.startswith(prefix)]
         return ', '.join(own or [*NODE_PARAMETERS, INIT_BOX, *(
@@ -227,7 +227,7 @@ def _wrong_type(row: Parameter, value: Any) -> TypeError:
 
 
 def _by_owner(values: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-    """Return the values of the node's own parameters, and those of every tracker's."""
+    """Split values into the node's own parameters and, by tracker name, the trackers'."""
     own = {name: value for name, value in values.items() if name in NODE_PARAMETERS}
     trackers: dict[str, dict[str, Any]] = {}
     for full, value in values.items():

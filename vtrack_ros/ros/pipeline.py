@@ -1,4 +1,4 @@
-"""From image to pose: what the plain and the managed node share."""
+"""From image to pose: the implementation that the plain and the managed node share."""
 
 from collections.abc import Callable, Collection
 import time
@@ -24,25 +24,25 @@ from vtrack_ros.session.target import Target
 
 
 class NodeLog:
-    """What becomes of the target, in the node's log."""
+    """Writes what a `Target` reports to the node's log."""
 
     def __init__(self, node: ParameterNode) -> None:
         self._logger = Node.get_logger(node)
 
     def info(self, text: str) -> None:
-        """Tell."""
+        """Log information."""
         self._logger.info(text)
 
     def warning(self, text: str) -> None:
-        """Warn."""
+        """Log a warning."""
         self._logger.warning(text)
 
     def error(self, text: str) -> None:
-        """Say that something was wrong."""
+        """Log an error."""
         self._logger.error(text)
 
     def repeated_error(self, text: str) -> None:
-        """Say that something was wrong, but not with every frame."""
+        """Log an error that may recur with every frame, throttled."""
         self._logger.error(text, throttle_duration_sec=QUIET)
 
 
@@ -97,7 +97,7 @@ class Pipeline:
         self._changed()
 
     def save(self, keep: bool = True) -> None:
-        """Save the target for the last time, or take away what was saved of it."""
+        """Save the target for the last time, or, without `keep`, remove the saved one."""
         self._state_file.close(keep)
 
     def destroy(self) -> None:
@@ -112,7 +112,7 @@ class Pipeline:
         self._publishers.destroy()
 
     def _on_image(self, message: Any, info: Any) -> None:
-        """Take the next image; one that can't be read is counted, and nothing else happens."""
+        """Process the next image; one that can't be read is counted, logged and dropped."""
         began = time.perf_counter_ns()
         flow, header = self._diagnostics.flow, message.header
         stamp = stamp_nanoseconds(header.stamp)
@@ -171,7 +171,7 @@ class Pipeline:
         return True
 
     def _changed(self) -> None:
-        """Say what the state is now: something was done to it between two frames."""
+        """Publish the state after a change between two frames, by a service or a parameter."""
         self._watch_inputs()
         self._note_state()
         self._diagnostics.publish_state()
@@ -179,7 +179,7 @@ class Pipeline:
             self._state_file.save()
 
     def _note_state(self) -> None:
-        """Say in the log that the state changed, if it did."""
+        """Log a change of the state, if there was one."""
         name = self._target.state_name
         if self._diagnostics.images is None:
             name = 'inactive'

@@ -1,4 +1,4 @@
-"""Where the target is and how fast it moves, published in the units that can be had."""
+"""The target's pose and velocity, published in the units that are available."""
 
 from functools import partial
 from typing import Any
@@ -19,7 +19,7 @@ from vtrack_ros.ros.publishers import Publishers, Velocity
 from vtrack_ros.session.motion_filter import LONGEST_FORECAST
 from vtrack_ros.tracker import Estimate
 
-#: The log says what may come with every frame no more often than this, in seconds.
+#: Least interval between log messages that could recur with every frame, in seconds.
 QUIET = 2.0
 #: The covariance of a box that is known exactly.
 _EXACT = np.zeros((4, 4))
@@ -29,7 +29,7 @@ class Place:
     """
     Publishes pose, twist and transform of the target that a node's session measures.
 
-    `units` are those of the latest one, empty where there was none.
+    `units` are those of the latest pose, empty if the latest frame gave none.
     """
 
     def __init__(self, node: ParameterNode, types: MessageTypes, publishers: Publishers) -> None:
@@ -42,12 +42,12 @@ class Place:
         self.offer()
 
     def offer(self) -> None:
-        """Offer what the parameters ask for, before images come: to load it takes a while."""
+        """Create /tf, if wanted, before images come, for importing its type takes a while."""
         if self._node.settings.text('target_frame'):
             self._publishers.offer_transforms()
 
     def publish(self, header: Any, frame: Frame, estimate: Estimate) -> None:
-        """Publish what is measured in a frame, whose header it is, or what has become of it."""
+        """Publish the target measured in a frame with this header, or its prediction for now."""
         header, age = self._published_at(header)
         motion = self._node.session.motion(age) if age else None
         located = partial(self._located, self._camera_of(frame))
@@ -73,7 +73,7 @@ class Place:
             self._publishers.publish_transform(header, position, estimate.angle, child)
 
     def on_camera_info(self, message: CameraInfo) -> None:
-        """Take a calibration; of a wrong one the log says why."""
+        """Take a calibration; a wrong one is dropped, and the log says why."""
         try:
             self._camera = camera_from_info(message)
         except ValueError as error:
@@ -84,7 +84,7 @@ class Place:
                 throttle_duration_sec=QUIET)
 
     def _published_at(self, header: Any) -> tuple[Any, float]:
-        """Return the header of what is published of an image, and by how much it's ahead [s]."""
+        """Return the header to publish with, and how far it is ahead of the image [s]."""
         if not self._node.settings['predict_to_now']:
             return header, 0.0
         now = self._node.get_clock().now().nanoseconds
@@ -99,7 +99,7 @@ class Place:
         return header, 0.0
 
     def _camera_of(self, frame: Frame) -> Camera | None:
-        """Return the camera, if its images are of the frame's size."""
+        """Return the calibrated camera, None if its images aren't of the frame's size."""
         camera = self._camera
         height, width = frame.shape[:2]
         if camera is not None and (camera.width, camera.height) != (width, height):

@@ -1,4 +1,4 @@
-"""The node's output topics: nothing is made that nobody listens to."""
+"""The node's output topics: a message is only made where the topic has a subscriber."""
 
 from collections import deque
 from collections.abc import Callable
@@ -24,16 +24,16 @@ from vtrack_ros.messages.images import fill_image
 from vtrack_ros.ros.message_types import installed, MessageTypes
 from vtrack_ros.tracker import Estimate
 
-#: What every output offers; the durations are the defaults, but said as the graph says them.
+#: QoS of the outputs except /tf. The durations are the defaults, in the form the graph reports.
 OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infinite)
 #: A velocity (3,) and its covariance (3, 3).
 Velocity: TypeAlias = tuple[Array, Array]
-#: How many places the trail on the debug image has.
+#: Length of the trail on the debug image, in measured positions.
 _TRAIL = 60
 
 
 class Publishers:
-    """The publishers of a tracking node; those of vision_msgs where it's installed."""
+    """The publishers of a tracking node; those of vision_msgs only `with_vision`."""
 
     def __init__(self, node: Node, types: MessageTypes, with_vision: bool) -> None:
         self._node = node
@@ -60,7 +60,7 @@ class Publishers:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Return what is asked for in vain, one sentence a topic; who has gone asks no more."""
+        """Return the QoS mismatches of subscribers that are still there, one sentence a topic."""
         return tuple(fault for topic, fault in self._faults.items() if any(
             qos_check_compatible(OFFERED, one.qos_profile)[0] == QoSCompatibility.ERROR
             for one in self._node.get_subscriptions_info_by_topic(topic)))
@@ -83,9 +83,9 @@ class Publishers:
                 header=header, twist=poses.twist_with_covariance(self._types, *velocity)))
 
     def offer_transforms(self) -> None:
-        """Offer /tf, given tf2_msgs; the log says once if there is none."""
+        """Create the publisher of /tf; the log says once if tf2_msgs is missing."""
         if self._with_transforms is None:
-            # Only asked for once: what isn't installed now won't be later.
+            # Checked once: a package that isn't installed now won't be later.
             self._with_transforms = installed('tf2_msgs', 'no transform is sent', self._node)
             if self._with_transforms:
                 self._transforms = self._node.create_publisher(
@@ -105,7 +105,7 @@ class Publishers:
 
     def publish_boxes(self, header: Any, estimate: Estimate | None,
                       identity: tuple[str, str]) -> None:
-        """Publish the box if it's measured, and no detection if it isn't."""
+        """Publish the box if it's measured, and an empty list of detections if it isn't."""
         measured = estimate if estimate is not None and estimate.measured else None
         if self._wanted(self._detections):
             if measured is None:

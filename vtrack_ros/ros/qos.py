@@ -1,4 +1,4 @@
-"""Quality of service: taking what the publisher offers, and saying so where nothing fits."""
+"""Quality of service: adapts to what the publisher offers, and reports mismatches."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -7,17 +7,17 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-# How the graph calls the node of a publisher that it has only just heard of.
+# The graph's name for the node of a publisher that was only just discovered.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 
 class Input:
     """
-    A subscription that takes the reliability that the publisher offers, and the newest alone.
+    A subscription with the reliability that the publisher offers, and a queue of one message.
 
-    It begins reliable, and turns to best effort as soon as a publisher shows up that offers no
-    more: a publisher that waits for its match before it sends loses nothing by that. The callback
-    takes a message, or the message and its info, a dict of time stamps.
+    With `auto` it begins reliable, and changes to best effort as soon as a publisher appears that
+    offers no more: a publisher that waits for its match before it sends loses nothing by that.
+    The callback takes a message, or the message and its info, a dict of time stamps.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, callback: Callable[..., None],
@@ -47,7 +47,7 @@ class Input:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Return why nothing comes from which publisher; empty while all match."""
+        """Return why nothing is received from some publishers; empty while all match."""
         return tuple(dict.fromkeys(self._faults.values()))
 
     @property
@@ -56,7 +56,7 @@ class Input:
         return int(self._node.count_publishers(self.topic))
 
     def check(self) -> None:
-        """Look at the publishers: adapt to them, and log what can't be matched."""
+        """Check the publishers: adapt to their reliability, and log those that can't match."""
         offers = self._node.get_publishers_info_by_topic(self.topic)
         fitting = [offer for offer in offers if offer.topic_type == self._type]
         if self._choice == 'auto' and fitting:
@@ -71,7 +71,7 @@ class Input:
         self._faults = faults
 
     def warn_of_several(self) -> None:
-        """Say once that more than one publisher sends what is taken for one stream."""
+        """Warn, once, that several publishers send what is taken for one stream."""
         several = self.publishers > 1
         if several and not self._several:
             self._node.get_logger().warning(
@@ -120,9 +120,9 @@ def _best_effort(offer: Any) -> bool:
 
 def image_topic(node: Node, transport: str) -> str:
     """
-    Return the topic of the images: `image`, or what image_transport puts beside it.
+    Return the topic of the images: `image`, or, as in image_transport, a subtopic of it.
 
-    A remap of ``image/compressed`` itself counts before one of ``image``.
+    A remap of ``image/compressed`` itself takes precedence over one of ``image``.
     """
     if transport == 'raw':
         return 'image'

@@ -1,4 +1,4 @@
-"""Hears what a tracking node answers to every frame."""
+"""Records a tracking node's outputs for every frame."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.signals import heard_by
 from vtrack_ros.tracker import Estimate, TrackState
 
-#: How many particles of a frame are kept.
+#: Largest number of particles that are kept of a frame.
 KEPT_PARTICLES = 150
 
 
 @dataclass
 class Answer:
     """
-    What was heard about one image; None and 0 where nothing was.
+    The node's outputs for one image; None or 0 where nothing was received.
 
-    `received` and `sent` are when its detections came and it was published [ns], `milliseconds`
-    is the tracker's own time, `particles` (N, 2) are the centres of the first ones [px].
+    `received` is when its detections arrived, `sent` when the image was published, both in ns;
+    `milliseconds` is the tracker's computing time, `particles` (N, 2) are the centres of the first
+    N [px].
     """
 
     received: int = 0
@@ -43,7 +44,7 @@ class Answer:
 
     @property
     def latency(self) -> float | None:
-        """Return the time from publishing the image to hearing its detections, [ms]."""
+        """Return the time from publishing the image to receiving its detections, [ms]."""
         return (self.received - self.sent) / 1e6 if self.received and self.sent else None
 
 
@@ -51,7 +52,7 @@ class Recorder:
     """
     A node that subscribes to another one's detections, state and particles; a context manager.
 
-    `answers` are by the image's stamp [ns]; `received` is how many frames' detections came.
+    `answers` are keyed by the image's stamp [ns]; `received` counts the detections messages.
     """
 
     def __init__(self) -> None:
@@ -62,7 +63,7 @@ class Recorder:
     def __enter__(self) -> Recorder:
         """Subscribe."""
         self._context = Context()
-        # An exception amidst the making of a message would come out as another one.
+        # KeyboardInterrupt within the making of a message would come out as another exception.
         self._signals = heard_by(self._interrupt)
         self._signals.__enter__()
         rclpy.init(args=[], context=self._context,
@@ -86,11 +87,11 @@ class Recorder:
 
     @property
     def matched(self) -> bool:
-        """Return whether there is a node to be heard."""
+        """Return whether all of the topics have a publisher."""
         return all(subscription.get_publisher_count() for subscription in self._subscriptions)
 
     def listen(self, seconds: float) -> None:
-        """Take the next message, if one comes in time; KeyboardInterrupt comes between two."""
+        """Take the next message, if one comes in time; raise KeyboardInterrupt after a signal."""
         self._executor.spin_once(timeout_sec=seconds)
         if self._interrupted:
             raise KeyboardInterrupt

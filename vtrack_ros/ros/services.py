@@ -1,4 +1,4 @@
-"""The ways in which people and programs tell the node what to follow, and when."""
+"""The node's selection topics and services: what to track, and when."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,7 +21,8 @@ class Services:
     """
     Subscribes to the selections, and offers the services.
 
-    `changed` is called after the target or `paused` changed: whether images are left alone.
+    While `paused`, images aren't processed. `changed` is called after each service request, which
+    may have changed the target or `paused`.
     """
 
     def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool,
@@ -52,7 +53,7 @@ class Services:
         return [*self._inputs, *filter(None, [self._detector])]
 
     def invitation(self) -> str:
-        """Say how the target is pointed out, or that `init_box` does, or that there is one."""
+        """Say how to select a target, or that `init_box` does so, or that there is one already."""
         if self._target.estimate is not None:
             return 'the target of before is kept'
         if self._node.init_box is not None:
@@ -81,7 +82,7 @@ class Services:
             self._node.destroy_service(service)
 
     def _on_detections(self, message: Any) -> None:
-        """Take the best detection of the wanted class while there is no target, or it's lost."""
+        """Select the best detection of the wanted class while there's no target or it's lost."""
         settings = self._node.settings
         if self._target.wanted:
             self._select(lambda array, source: best_detection(

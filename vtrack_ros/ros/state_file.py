@@ -1,4 +1,4 @@
-"""The target on disk, so that a node that was killed goes on with it."""
+"""The target saved on disk, so that a restarted node goes on with it."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
 import os
@@ -15,18 +15,18 @@ from vtrack_ros.session.saved_target import MARK, SavedTarget
 from vtrack_ros.session.target import Target
 from vtrack_ros.tracker import Estimate
 
-#: How often the target is saved, in seconds.
+#: Interval at which the target is saved, in seconds.
 INTERVAL = 1.0
-#: No file of ours is larger than this, in bytes.
+#: Upper bound of a valid file's size, in bytes; a larger one is refused.
 LARGEST = 1 << 22
 
 
 class StateFile:
     """
-    Saves a node's target in the file that `state_file` names, and takes it up from there.
+    Saves a node's target in the file that `state_file` names, and restores it from there.
 
-    A timer looks at the target, a thread writes it: neither waits for a disk. Where the parameter
-    is empty, nothing is done.
+    A timer checks the target, and a thread of its own writes it, so that tracking doesn't wait for
+    the disk; only `close` does. Where the parameter is empty, nothing is done.
     """
 
     def __init__(self, node: ParameterNode, target: Target) -> None:
@@ -51,7 +51,7 @@ class StateFile:
             INTERVAL, self.save, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def take_up(self, frame: Frame, stamp: int, frame_id: str) -> None:
-        """Take up the saved target, if there is one, where a frame is the first that comes."""
+        """Restore the saved target, if there is one, with the first frame that comes."""
         saved, self._saved, self._frame_id = self._saved, None, frame_id
         if saved is None:
             return
@@ -63,7 +63,7 @@ class StateFile:
             self._refuse(str(error))
 
     def save(self) -> None:
-        """Let the target be written, unless the last one still is, or nothing is new."""
+        """Have the target written, or its file removed, if it changed and no write is running."""
         if self._path is None or self._writing is not None and not self._writing.done():
             return
         self._tell()
@@ -82,7 +82,7 @@ class StateFile:
             self._writing = self._thread.submit(self._path.unlink, missing_ok=True)
 
     def close(self, keep: bool = True) -> None:
-        """Write the target for the last time, or take the file away, and end."""
+        """Write the target for the last time, or, without `keep`, remove the file; then stop."""
         if self._path is None:
             return
         self._node.destroy_timer(self._timer)
@@ -127,7 +127,7 @@ class StateFile:
         self._log.warning(f'state_file {self._path} is not used: {why}')
 
     def _tell(self) -> None:
-        """Say why the target could not be written, once."""
+        """Log why the target could not be written, once for each reason."""
         error: Any = self._writing.exception() if self._writing is not None else None
         text = f'state_file {self._path} could not be written: {error}' if error else ''
         if text and text != self._told:
@@ -137,7 +137,7 @@ class StateFile:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a file as a whole, or leave it as it is, even if the power fails."""
+    """Replace a file atomically: it stays whole, old or new, even if the power fails."""
     beside = path.with_name(f'{path.name}.tmp')
     try:
         with open(beside, 'w', encoding='ascii') as file:

@@ -1,4 +1,4 @@
-"""What comes on the image topics that there are: listened to for a moment, from outside."""
+"""A survey of all image topics: subscribes to each for some seconds, and reports on it."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from vtrack_ros.ros.diagnostics import SHARED_MEMORY
 from vtrack_ros.ros.message_types import MessageTypes
 
 _IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
-#: What a node of this package draws, and only for who watches; no camera.
+#: The topic of this package's annotated images is left out: it's no camera.
 _DRAWN = '/debug_image'
-#: Nothing new in the graph for so long is all there is, in seconds; it's not waited for longer.
+#: Discovery ends after a period without a change of the graph, or at its time-out, in seconds.
 _QUIET, _LONGEST = 2.0, 10.0
-#: How many images may wait.
+#: Queue depth of a subscription, in images.
 _DEPTH = 30
 
 
 @dataclass(frozen=True)
 class ImageTopic:
     """
-    What was seen of an image topic.
+    What was observed of an image topic.
 
-    `mismatches` name the subscribers that get nothing; `received` are the images within the time
-    that was listened, `lost` those that the middleware knows to have been sent besides, `rate` is
-    of those received, in Hz; `size` that of the largest in bytes, `form` its dimensions and
-    encoding.
+    `reliable`: all publishers offer it. `mismatches` name the subscribers that get nothing;
+    `received` is the number of images, `lost` that of images that the middleware reported lost,
+    `rate` that of received ones in Hz; `size` is the largest one's in bytes, `form` dimensions
+    and encoding of the latest, or its format if it's compressed.
     """
 
     name: str
@@ -52,7 +52,7 @@ class ImageTopic:
 
 
 def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list[ImageTopic]:
-    """Listen on every image topic that somebody publishes, for so long; by name."""
+    """Listen for `seconds` on every published image topic; return them sorted by name."""
     known: set[object] = set()
     end = time.monotonic() + _LONGEST
     while time.monotonic() < end:
@@ -74,7 +74,7 @@ def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list
 
 
 class _Listener:
-    """A subscription that takes whatever the publishers offer, and counts."""
+    """A subscription that accepts whatever the publishers offer, and counts images."""
 
     def __init__(self, node: Node, topic: str, kind: str) -> None:
         self._node, self._topic = node, topic
@@ -99,7 +99,7 @@ class _Listener:
             event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost))
 
     def result(self) -> ImageTopic:
-        """Return what was seen up to now."""
+        """Return what was observed up to now."""
         times = self._arrivals
         rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
         return ImageTopic(

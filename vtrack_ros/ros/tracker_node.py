@@ -8,7 +8,7 @@ from vtrack_ros.ros.pipeline import Pipeline
 
 class TrackerNode(ParameterNode):
     """
-    Tracks a target in the images that it receives; docs/node.md describes its face.
+    Tracks a target in the images that it receives; docs/node.md describes its interface.
 
     The arguments are those of rclpy's node, the errors those of ParameterNode.
     """

@@ -1,1 +1,1 @@
-"""A page in the browser to select and watch a target; served by a node of its own."""
+"""A web page for selecting and watching a target, served by a node of its own."""

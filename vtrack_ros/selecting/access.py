@@ -1,4 +1,4 @@
-"""Who may see the page: who knows its address, and no page of another origin."""
+"""Access control of the page: by a token in its address, or by host, and by origin."""
 
 import hmac
 import ipaddress
@@ -9,7 +9,7 @@ from aiohttp.typedefs import Handler, Middleware
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host name or address is this machine's own."""
+    """Return whether a host name or address is a loopback one, that of this machine."""
     try:
         return ipaddress.ip_address(host.strip('[]')).is_loopback
     except ValueError:
@@ -18,11 +18,11 @@ def is_loopback(host: str) -> bool:
 
 def guard(token: str) -> Middleware:
     """
-    Return a middleware that refuses, with status 403, whoever shouldn't be here.
+    Return a middleware that refuses unauthorised requests with status 403.
 
-    With a token the path has to begin with it; without one the page must have been asked for as
-    one of this machine, or a name that another page points here would do. An Origin, which every
-    browser sends with a WebSocket, must be the page's own.
+    With a token, the path has to begin with it. Without one, the host of the request must be a
+    loopback one, or another site could point a name of its own here (DNS rebinding). An Origin,
+    which every browser sends with a WebSocket, must be the page's own.
     """
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:

@@ -1,4 +1,4 @@
-"""What a page shows: a tracking node's images and answers, kept one by one."""
+"""What a page shows: a tracking node's images, matched with its answers (its detections)."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from vtrack_ros.ros.qos import Input
 if TYPE_CHECKING:
     from vtrack_ros.selecting.recording import Recording
 
-#: So many of the newest images wait for the node's answer, and answers for their image, which may
-#: come after it; so many places make the trail.
+#: Buffer lengths: of the newest images and answers, each of which may wait for the other, and of
+#: the trail, in positions.
 _KEPT, _TRAIL = 8, 60
-#: An answer to an image that's no longer kept is shown on the newest for so long, in nanoseconds.
+#: An answer is shown on a later image only if their stamps differ by less, in nanoseconds.
 _RECENT = 1_000_000_000
-#: What the page tells of the state.
+#: The values of ~/state that the page shows.
 _SHOWN = ('confidence', 'ms_per_frame')
 _KINDS: dict[str, Any] = {
     'sensor_msgs/msg/Image': Image, 'sensor_msgs/msg/CompressedImage': CompressedImage,
@@ -34,11 +34,11 @@ _KINDS: dict[str, Any] = {
 
 class Observer:
     """
-    Listens to one tracking node, whose topics are those that the graph says it has.
+    Listens to one tracking node, whose topics are looked up in the graph.
 
-    Images are only received while `watched`, and particles if they're `wanted` besides: the node
-    makes none that nobody asks for. All of it runs in the executor's thread; `changed` is
-    called there when there's something new to show, `said` with each warning that the node logs.
+    Images are only received while `watched`, particles only while also `wanted`: the node makes
+    none without a subscriber. Callbacks run in the executor's thread: `changed` is called there
+    when there's something new to show, `said` with each warning or error that the node logs.
     """
 
     def __init__(self, node: Node, target: str, changed: Callable[[], None],
@@ -61,7 +61,7 @@ class Observer:
         self._timer = node.create_timer(0.5, self.look)
 
     def look(self) -> None:
-        """Look at the graph: find the node's topics, adapt to who publishes."""
+        """Query the graph: find the node's topics, and adapt the subscriptions."""
         name, _, base = self._target.rpartition('/')
         name = name or '/'
         if (base, name) not in self._node.get_node_names_and_namespaces():
@@ -92,12 +92,12 @@ class Observer:
 
     def picture(self) -> tuple[Any, dict[str, Any]] | None:
         """
-        Return the image to show, with what is known of it; None before the first.
+        Return the image to show, with its state, box, trail and so on; None before the first.
 
-        It's the newest that the node has answered, or the newest of all where the answers come
-        much later or stay away: while it's paused, say.
+        It's the newest one that the node has answered, or the newest of all if none that's kept
+        is answered, such as while the node is paused.
         """
-        # copied at once, for the executor's thread changes them
+        # copies, for the executor's thread changes the buffers
         images, answers = tuple(self._images), tuple(self._answers)
         if not images:
             return None
@@ -115,10 +115,10 @@ class Observer:
         return message, shown
 
     def record(self, folder: Path) -> str:
-        """Begin a bag of what is watched, in a folder; BagError if it can't be written."""
+        """Start recording to a bag in a folder; BagError if it can't be written."""
         if self._recording is None:
             try:
-                # Only this needs rosbags.
+                # Imported here, for nothing else needs rosbags.
                 from vtrack_ros.selecting.recording import Recording
             except ModuleNotFoundError as error:
                 raise ModuleNotFoundError(
@@ -187,7 +187,7 @@ class Observer:
 
 
 def _answered(images: Sequence[Any], answers: Sequence[Any]) -> tuple[Any, Any] | None:
-    """Return the newest answer whose image is there, behind that image; None where none is."""
+    """Return the newest answer whose image is kept, as (image, answer); None if there's none."""
     for answer in reversed(answers):
         for message in reversed(images):
             if message.header.stamp == answer.header.stamp:

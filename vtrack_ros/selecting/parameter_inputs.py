@@ -1,4 +1,4 @@
-"""A node's parameters as inputs of a page, made from what it describes."""
+"""A node's parameters as inputs of a page, made from their descriptors."""
 
 from collections.abc import Sequence
 import sys
@@ -15,10 +15,10 @@ _KINDS = {ParameterType.PARAMETER_BOOL: 'bool', ParameterType.PARAMETER_INTEGER:
 def parameter_inputs(descriptors: Sequence[ParameterDescriptor],
                      values: Sequence[ParameterValue]) -> list[dict[str, Any]]:
     """
-    Return the scalar parameters that may be changed, as the page takes them.
+    Return the scalar parameters that aren't read-only, in the form that the page expects.
 
     Each has its `name`, `kind` (bool, int, float or text), `value` and `text`; `low` and `high`
-    where it has a range, `choices` where it's one of several.
+    where it's bounded, `choices` where it's one of several.
     """
     rows = []
     for described, value in zip(descriptors, values):
@@ -40,7 +40,7 @@ def parameter_inputs(descriptors: Sequence[ParameterDescriptor],
 
 
 def parameter_value(kind: str, value: Any) -> ParameterValue:
-    """Return what a page sent as a parameter's value; ValueError if it isn't of its kind."""
+    """Return a value from the page as a parameter's; ValueError if it isn't of its kind."""
     if kind == 'bool' and isinstance(value, bool):
         return ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=value)
     number = isinstance(value, (int, float)) and not isinstance(value, bool)

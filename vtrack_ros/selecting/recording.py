@@ -8,16 +8,16 @@ from typing import Any
 from vtrack_ros.bags import BagWriter, messages
 from vtrack_ros.messages.images import decoded, stamp_nanoseconds
 
-#: So much of the disk is left to others, in bytes.
+#: Recording stops when the free disk space falls below this, in bytes.
 _LEFT = 2**29
 _IMAGES, _ANSWERS = '/image', '/detections'
 
 
 class Recording:
     """
-    Writes images and the node's answers, as they come, into a new bag in a folder.
+    Writes images and the node's detections, as they come, into a new bag in a folder.
 
-    It appears when it's finished. BagError if it can't be written.
+    The bag appears when it's finished. BagError if it can't be written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -29,11 +29,11 @@ class Recording:
 
     @property
     def full(self) -> bool:
-        """Return whether there is hardly any room left on the disk."""
+        """Return whether the free disk space is below its lower bound."""
         return shutil.disk_usage(self._folder).free < _LEFT
 
     def add_image(self, message: Any) -> None:
-        """Write an Image or a CompressedImage, as an Image; one that can't be read is left out."""
+        """Write an Image or CompressedImage as an Image; one that can't be decoded is left out."""
         try:
             frame = decoded(message)
         except ValueError:
@@ -57,5 +57,5 @@ class Recording:
         return f'{self._images} images are in {self._path}'
 
     def _write(self, topic: str, message: Any) -> None:
-        # Received now: the stamps may begin again.
+        # Stored by the time of reception, for the stamps may go back.
         self._writer.write(topic, message, time.time_ns())

@@ -1,4 +1,4 @@
-"""The page's server: pictures as fast as the viewer takes them, and what the viewer asks for."""
+"""The page's server: sends pictures as fast as viewers take them, and handles their requests."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from vtrack_ros.signals import ending_signals
 
 #: The longest message that a viewer may send, in bytes.
 LONGEST_MESSAGE = 4096
-#: How often it's looked whether the node is there, in seconds.
+#: Interval at which the node's presence is checked, in seconds.
 _BEAT = 0.3
-#: What is sent of an image: no side longer than this, in pixels, and so good.
+#: The JPEG that is sent of an image: its longest side at most, in pixels, and its quality, in %.
 _LONGEST_SIDE, _QUALITY = 1280, 80
 _PAGE = {'': ('page.html', 'text/html'), 'page.js': ('page.js', 'text/javascript'),
          'page.css': ('page.css', 'text/css')}
@@ -35,12 +35,12 @@ _HEADERS = {
 
 class Viewer:
     """
-    One browser: the next picture goes out when the last one was shown.
+    One browser: the next picture is sent once the previous one was shown.
 
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
     `click` (stamp, x, y), `reset`, `reinit`, `enable` (on), `particles` (on), `record` (on) or
-    `set` (name, kind, value). It receives, as `kind`: `picture`, with the JPEG's bytes in the
-    message after it, `parameters` and `told`.
+    `set` (name, kind, value). It receives JSON objects whose `kind` is `picture` (the JPEG follows
+    as a binary message), `parameters` or `told` (a line to show).
     """
 
     def __init__(self, socket: web.WebSocketResponse, link: TrackerLink, folder: Path) -> None:
@@ -50,15 +50,15 @@ class Viewer:
         self._shown.set()
 
     def changed(self) -> None:
-        """Note that there is something new."""
+        """Note that there is something new to show."""
         self._news.set()
 
     async def tell(self, text: str, wrong: bool = False) -> None:
-        """Show a line to the viewer."""
+        """Send a line of text for the viewer to show."""
         await self._socket.send_json({'kind': 'told', 'text': text, 'wrong': wrong})
 
     async def send_pictures(self) -> None:
-        """Send the newest picture, and so on, until it's cancelled."""
+        """Send the newest picture whenever there is another one, until it's cancelled."""
         sent = None
         while True:
             await self._shown.wait()
@@ -79,7 +79,7 @@ class Viewer:
             await self._socket.send_bytes(data)
 
     async def listen(self) -> None:
-        """Do what the viewer asks for, until it goes."""
+        """Handle the viewer's requests until it disconnects."""
         async for message in self._socket:
             if message.type is not WSMsgType.TEXT:
                 continue
@@ -95,7 +95,7 @@ class Viewer:
         while True:
             there = self._link.reachable
             if there and not before:
-                # a node that is too busy to answer is asked again
+                # where the node is too busy to answer, this is tried again
                 there = await self.send_parameters()
                 if there:
                     await self.tell('')
@@ -105,7 +105,7 @@ class Viewer:
             await asyncio.sleep(_BEAT)
 
     async def send_parameters(self) -> bool:
-        """Send the node's parameters, or why not; return whether they were sent."""
+        """Send the node's parameters, or an error message; return whether they were sent."""
         try:
             rows = await self._link.parameters()
         except TimeoutError as error:
@@ -177,7 +177,7 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         viewers.add(viewer)
         link.watch(True)
         try:
-            # whatever fails ends the viewer, and is told: the page comes again
+            # any failure ends this viewer and is reported; the page connects again
             async with asyncio.TaskGroup() as group:
                 tasks = [group.create_task(viewer.send_pictures()),
                          group.create_task(viewer.follow_node())]
@@ -210,7 +210,7 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
 
 
 def _stamp(asked: dict[str, Any]) -> int:
-    """Return the stamp of a picture, which JavaScript's numbers are too short for."""
+    """Return a picture's stamp, a string since JavaScript's numbers lack the digits."""
     stamp = int(asked['stamp'])
     if not 0 <= stamp < 2**31 * 10**9:
         raise ValueError(f'stamp {stamp} is none')

@@ -1,4 +1,4 @@
-"""A tracking node from afar: what is asked of it, in asyncio's words."""
+"""The connection to a tracking node: its topics, services and parameters, for asyncio."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
 
-#: How long a service of the node may take, in seconds.
+#: Time-out of a call to a service of the node, in seconds.
 PATIENCE = 5.0
 _SERVICES: dict[str, Any] = {
     'reset': Trigger, 'reinit': Trigger, 'enable': SetBool, 'list_parameters': ListParameters,
@@ -34,10 +34,10 @@ _SERVICES: dict[str, Any] = {
 
 class TrackerLink:
     """
-    A ROS node that watches another one and points out its target, spun in a thread of its own.
+    A ROS node that watches a tracking node and selects its target, spun in a thread of its own.
 
     `target` is the tracking node's full name; the callbacks are called in the thread of the event
-    loop that it was made in. To be closed.
+    loop that was running when it was made. `close` has to be called in the end.
     """
 
     def __init__(self, target: str, changed: Callable[[], None],
@@ -45,7 +45,7 @@ class TrackerLink:
         loop = self._loop = asyncio.get_running_loop()
         self.target = target
         self._context = Context()
-        # The signals are the event loop's.
+        # The event loop handles the signals.
         rclpy.init(args=[], context=self._context,
                    signal_handler_options=rclpy.SignalHandlerOptions.NO)
         self._node = Node('vtrack_select', context=self._context)
@@ -68,23 +68,23 @@ class TrackerLink:
 
     @property
     def reachable(self) -> bool:
-        """Return whether the node's services are there, and it hears of selections."""
+        """Return whether the node's services are there, and it subscribes to selections."""
         return (all(client.service_is_ready() for client in self._clients.values())
                 and all(one.get_subscription_count() for one in (self._boxes, self._points)))
 
     def watch(self, on: bool) -> None:
-        """Receive images, or no longer."""
+        """Start or stop receiving images."""
         self._observer.watched = on
         self._executor.create_task(self._observer.look)
 
     def want_particles(self, on: bool) -> None:
-        """Receive particles with the images, or no longer."""
+        """Start or stop receiving particles with the images."""
         self._observer.wanted = on
         self._executor.create_task(self._observer.look)
 
     async def record(self, folder: Path | None) -> str:
         """
-        Begin a bag of what is watched, in a folder, or with None complete it; say what was done.
+        Start recording to a bag in a folder, or with None finish it; return a text that says so.
 
         BagError if it can't be written, ModuleNotFoundError without rosbags.
         """
@@ -102,7 +102,7 @@ class TrackerLink:
         return await asyncio.wait_for(done, PATIENCE)
 
     def select_box(self, stamp: int, box: Box) -> None:
-        """Point out the target as a box on the image of a stamp [ns]; errors as `ask`."""
+        """Select the target by a box on the image of a stamp [ns]; errors as `ask`."""
         message = Detection2D()
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
         message.bbox.center.position.x, message.bbox.center.position.y = box.center
@@ -110,14 +110,14 @@ class TrackerLink:
         self._publish(self._boxes, message)
 
     def select_point(self, stamp: int, x: float, y: float) -> None:
-        """Point out the target by a point on the image of a stamp [ns]; errors as `ask`."""
+        """Select the target by a point on the image of a stamp [ns]; errors as `ask`."""
         message = PointStamped()
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
         message.point.x, message.point.y = x, y
         self._publish(self._points, message)
 
     async def ask(self, service: str, **fields: Any) -> Any:
-        """Call a service of the node; TimeoutError where it doesn't answer."""
+        """Call a service of the node; TimeoutError if it's missing or doesn't answer."""
         client, kind = self._clients[service], _SERVICES[service]
         answer: asyncio.Future[Any] = self._loop.create_future()
 
@@ -146,14 +146,14 @@ class TrackerLink:
         return parameter_inputs(described.descriptors, values.values)
 
     async def set_parameter(self, name: str, kind: str, value: Any) -> str:
-        """Set a parameter; return why not, empty if it's set. Errors as `ask`, and ValueError."""
+        """Set a parameter; return why it failed, or ''. Errors as `ask`, and ValueError."""
         row = Parameter(name=name, value=parameter_value(kind, value))
         result, = (await self.ask('set_parameters', parameters=[row])).results
         return '' if result.successful else str(result.reason)
 
     def close(self) -> None:
         """Take the node down."""
-        # no callback may find its context gone, and the executor's own shutdown waits for none
+        # before the context goes: a callback may be running, and shutdown wouldn't wait for it
         self._closing.set()
         self._thread.join()
         self._executor.shutdown()
@@ -163,7 +163,7 @@ class TrackerLink:
 
     @staticmethod
     def _publish(publisher: Any, message: Any) -> None:
-        """Publish what would otherwise be lost without a word."""
+        """Publish; TimeoutError without a subscriber: the message would be lost silently."""
         if not publisher.get_subscription_count():
             raise TimeoutError(f'nobody listens on {publisher.topic_name}')
         publisher.publish(message)

@@ -1,18 +1,18 @@
 'use strict';
-// Pixels of the picture, from its outer corner, are the coordinates throughout.
+// All coordinates are in pixels of the picture, from its outer corner.
 
 const $ = id => document.getElementById(id);
 const canvas = $('picture');
 const pen = canvas.getContext('2d');
 const COLOURS = {tracking: '#3cdc3c', searching: '#ffa000', lost: '#e63c3c'};
-// A movement of fewer pixels on the screen is a click.
+// Below this movement, in pixels of the screen, a drag is a click.
 const CLICK = 5;
-// How many pixels a picture should be wide, at least.
+// Width, in pixels, that small pictures are enlarged to, about, by a whole factor.
 const LEGIBLE = 1024;
-// The radius of a Gaussian's 90 % ellipse.
+// The radius of a two-dimensional Gaussian's 90 % ellipse, in standard deviations.
 const RADIUS = Math.sqrt(-2 * Math.log(0.1));
 
-// How much the plot shows, in seconds.
+// The time span of the plot, in seconds.
 const SHOWN = 60;
 
 let socket, picture = null, header = null, drag = null, paused = false, tracker = '', shownTracker = '';
@@ -46,7 +46,7 @@ function connect() {
   };
 }
 
-// While a box is drawn the picture stands still: it's the one that is drawn on.
+// While a box is drawn the picture is frozen, for the box belongs to it; the next one waits here.
 let waiting = null;
 
 function show(image, message) {
@@ -60,7 +60,7 @@ function show(image, message) {
 
 function draw() {
   if (!picture) return;
-  // Small pictures are enlarged, so that lines are as fine as the screen's.
+  // Small pictures are enlarged, so that lines are drawn at the screen's resolution.
   const enlarged = Math.max(1, Math.round(LEGIBLE / header.width));
   if (canvas.width !== enlarged * header.width || canvas.height !== enlarged * header.height) {
     [canvas.width, canvas.height] = [enlarged * header.width, enlarged * header.height];
@@ -111,13 +111,13 @@ function tellState(state) {
   if (tracker !== shownTracker) showOwn();
 }
 
-// Seconds, confidence, speed in pixels a second and centre, null where there's none.
+// For the plot: time in s, centre, speed in pixels/s and confidence; null where there's none.
 let past = [];
 
 function plot({stamp, state, box}) {
   const time = Number(BigInt(stamp) / 1000000n) / 1000, last = past.at(-1);
   if (last && time <= last.time) {
-    // The same frame, or a stream that begins again.
+    // The same frame again (ignored), or a stream that begins again.
     if (time === last.time) return;
     past = [];
   }
@@ -144,7 +144,7 @@ let fading;
 
 function tell(text, wrong) {
   $('told').textContent = text;
-  // What was so a while ago may not be any more.
+  // The text is cleared after a while, when it may no longer be true.
   clearTimeout(fading);
   fading = setTimeout(() => { $('told').textContent = ''; }, 15000);
   $('told').className = wrong ? 'wrong' : '';
@@ -152,7 +152,7 @@ function tell(text, wrong) {
 
 function place(event) {
   const area = canvas.getBoundingClientRect();
-  // object-fit: contain leaves margins where the shapes differ.
+  // object-fit: contain leaves margins where the aspect ratios differ.
   const {width, height} = header;
   const scale = Math.min(area.width / width, area.height / height);
   const x = (event.clientX - area.left - (area.width - width * scale) / 2) / scale;
@@ -225,7 +225,7 @@ function fill(rows) {
   showOwn();
 }
 
-// Of the trackers' parameters, those of the one in use.
+// Shows the node's parameters and those of the tracker in use, hides other trackers'.
 function showOwn() {
   shownTracker = tracker;
   for (const set of $('parameters').children) {
@@ -262,7 +262,7 @@ function input(row) {
   return label;
 }
 
-// Beside a number with bounds; finer near the lower one, where most values are.
+// A slider for a bounded number; quadratic, so finer near the lower bound, where most values are.
 function slider(row, field) {
   const one = document.createElement('input'), range = row.high - row.low;
   const follow = () => { one.value = Math.sqrt((field.value - row.low) / range); };
