@@ -1,4 +1,4 @@
-"""Values on the command line, each with a message that says what is valid."""
+"""Parsers of command-line values, with error messages that say what is valid."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Callable

@@ -2,7 +2,7 @@
 The command line `vtrack`.
 
 A subcommand is a module with `add_arguments(parser)`, `run(arguments) -> int` and `EXAMPLES`; a
-line in `_COMMANDS` makes it known. It's imported only when it's called.
+line in `_COMMANDS` registers it. It's imported only when it's called.
 """
 
 import argparse
@@ -32,7 +32,7 @@ _COMMANDS = {
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that says what's wrong in one line."""
+    """A parser that reports an error in one line."""
 
     def error(self, message: str) -> NoReturn:
         """Print the message and exit with 2."""
@@ -44,11 +44,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run a command line.
 
-    Returns 0, or 1 where something failed, 2 where the arguments or the input are wrong, 130 after
-    Ctrl-C.
+    Returns 0, or 1 if something failed, 2 if the arguments or the input are wrong, 130 after
+    Ctrl-C, 141 if standard output was closed.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    # As the node has it: on a busy machine threads that wait for one another take far longer.
+    # As in the node: on a busy machine, threads that wait for one another take far longer.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     if '_ARGCOMPLETE' in os.environ:
         _complete(os.environ.get('COMP_LINE', ''))
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = _INTERRUPTED
     except BrokenPipeError:
-        # What's still in the buffer has nowhere to go, and must not be tried again at exit.
+        # Discard what's still in the buffer, so that Python doesn't try to write it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = _PIPE_CLOSED
     return end_process(code)
@@ -98,7 +98,7 @@ def _run(words: list[str]) -> int:
 
 
 def command_parser(called: str) -> Parser:
-    """Return a parser that knows all commands by name, and the called one by its arguments."""
+    """Return a parser with the names of all commands, and the arguments of the called one."""
     parser = Parser('vtrack', description='Bags of images, and trackers that follow a target in '
                     'them.', epilog='vtrack COMMAND --help tells more, with examples.')
     parser.add_argument('--version', action='version', version=f'vtrack {__version__}')
@@ -116,14 +116,14 @@ def command_parser(called: str) -> Parser:
 
 
 def _complete(line: str) -> None:
-    """Tell a shell how the line may go on, and end; see the package argcomplete."""
+    """Print the completions of a line for the shell, and exit; see the package argcomplete."""
     import argcomplete
     argcomplete.autocomplete(command_parser(''.join(line.split()[1:2])))
 
 
 def negative_values(words: Sequence[str]) -> list[str]:
     """Return a command line in which `--init -10,2,30,30` is `--init=-10,2,30,30`."""
-    # argparse takes what begins with - for an option, unless it's a plain number.
+    # argparse takes a word that begins with - for an option, unless it's a plain number.
     joined: list[str] = []
     for word in words:
         if joined and re.fullmatch('--[a-z-]+', joined[-1]) and re.match(r'-\.?\d', word):
@@ -134,7 +134,7 @@ def negative_values(words: Sequence[str]) -> list[str]:
 
 
 def in_words(error: OSError) -> str:
-    """Return what the system found wrong, and where, without its number."""
+    """Return the system's error message with the file's name, without the error number."""
     known = error.filename is not None and error.strerror is not None
     return f'{error.filename}: {error.strerror}' if known else str(error)
 
@@ -146,7 +146,7 @@ def complain(prog: str, message: str) -> int:
 
 
 def warn(prog: str, notice: str | None) -> None:
-    """Print what there is to be said of a bag, if anything, as one line on standard error."""
+    """Print a warning about a bag, if there is one, as one line on standard error."""
     if notice:
         complain(prog, f'warning: {notice}')
 

@@ -1,4 +1,4 @@
-"""`vtrack doctor`: what is installed and what arrives, and what to do where something is wrong."""
+"""`vtrack doctor`: checks of what is installed and what arrives, with advice on each fault."""
 
 import argparse
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ EXAMPLES = """examples:
 
 Run it in the shell that the node or the camera driver is started from, while they run. The exit
 code is 1 where something is wrong; a line with an arrow says what to do."""
-#: Share of lost images that is worth a word.
+#: Share of lost images above which a topic is reported as wrong.
 _NOTABLE = 0.01
 
 
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look, and print each finding as it's found; return 1 where something is wrong."""
+    """Check, and print each finding at once; return 1 if something is wrong, else 0."""
     wrong = 0
     for finding in _findings(arguments.seconds):
         wrong += finding.wrong
@@ -43,7 +43,7 @@ def _findings(seconds: float) -> Iterator[Finding]:
     yield installation.versions()
     yield installation.trackers()
     yield from installation.libraries()
-    # Before ROS is loaded, which sets one for this process.
+    # Before `load_rclpy`, which sets a profile for this process.
     profile = installation.profile(os.environ)
     unusable = installation.unusable_middleware(os.environ)
     if unusable is not None:
@@ -99,7 +99,7 @@ def _of_topic(topic: Any) -> Iterator[Finding]:
     text = (f'{topic.name}: {kind}, from {", ".join(topic.publishers)} to '
             f'{", ".join(topic.subscribers) or "nobody"}')
     if not topic.received:
-        # The middleware counts what was lost only when something arrives after it.
+        # The middleware counts a lost message only when a later one arrives.
         yield Finding(f'{text}: no image came',
                       'does the driver run, and send? Large images may all be lost without '
                       f'the profile: start it with {installation.profile_setting()}', wrong=True)

@@ -1,4 +1,4 @@
-"""`vtrack evaluate`: which tracker is best on which sequence, in figures."""
+"""`vtrack evaluate`: figures of merit of trackers on sequences."""
 
 import argparse
 from collections.abc import Iterator
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def _workers(arguments: argparse.Namespace) -> Iterator[None]:
-    """Have what runs meanwhile run where the arguments say."""
+    """Select the processes or dask workers of the arguments for what runs in the context."""
     if arguments.backend == 'processes':
         if arguments.scheduler is not None:
             raise ValueError('--scheduler is for --backend dask')

@@ -1,4 +1,4 @@
-"""What is installed, and what is set for the middleware: found out without ROS."""
+"""Checks of the installed packages and of the middleware's settings, without ROS."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,19 +14,20 @@ import vtrack_ros
 from vtrack_ros.dds import (
     abandoned_memory, PROFILE, profile_path, RECEIVING, SHARED_MEMORY, VARIABLES)
 
-#: What is imported for what; the extra of this package that brings it.
+#: Optional module -> (what needs it, the extra of this package that installs it).
 _OPTIONAL = {
     'rosbags': ('bags', 'tools'), 'joblib': ('vtrack evaluate', 'tools'),
     'jinja2': ('reports', 'tools'), 'matplotlib': ('reports', 'tools'),
     'tqdm': ('progress bars', 'tools'), 'threadpoolctl': ('vtrack evaluate', 'tools'),
     'aiohttp': ('vtrack select', 'select')}
-#: How much shared memory two processes need, and how much of it is worth to be freed, in bytes.
+#: Shared memory in bytes: the minimum that must be free for two processes; and the amount left by
+#: killed processes from which freeing it is advised.
 _NEEDED, _ABANDONED = 2 * 64 * 2**20, 64 * 2**20
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is well or not, and what is to be done about it where it isn't."""
+    """The result of one check, advice if something should be done, and whether it's wrong."""
 
     text: str
     advice: str = ''
@@ -34,7 +35,7 @@ class Finding:
 
 
 def versions() -> Finding:
-    """Return what runs here."""
+    """Return the versions of the software, and the machine."""
     import cv2
     import numpy as np
     return Finding(
@@ -44,7 +45,7 @@ def versions() -> Finding:
 
 
 def libraries() -> Iterator[Finding]:
-    """Return which libraries are missing, and what for."""
+    """Return which optional libraries are missing, and what needs them."""
     missing = [name for name in _OPTIONAL if find_spec(name) is None]
     for name in missing:
         use, extra = _OPTIONAL[name]
@@ -55,7 +56,7 @@ def libraries() -> Iterator[Finding]:
 
 
 def trackers() -> Finding:
-    """Return which trackers there are."""
+    """Return which trackers are available."""
     from vtrack_ros.trackers import tracker_names
     own = tracker_names(replicas=False, installed=False)
     added = [name for name in tracker_names(replicas=False) if name not in own]
@@ -64,11 +65,11 @@ def trackers() -> Finding:
 
 
 def unusable_middleware(environment: Mapping[str, str]) -> Finding | None:
-    """Return that the middleware which an environment asks for can't be loaded; None if it can."""
+    """Return a finding if the middleware that an environment sets can't be loaded, else None."""
     name = environment.get('RMW_IMPLEMENTATION')
     if not name or find_spec('rclpy') is None:
         return None
-    # In another process: ROS ends the one that asks for what isn't there.
+    # In another process: ROS ends a process whose middleware is missing.
     tried = subprocess.run([sys.executable, '-c', 'import rclpy; rclpy.init()'],
                            env=dict(environment), capture_output=True)
     if tried.returncode == 0:
@@ -79,7 +80,7 @@ def unusable_middleware(environment: Mapping[str, str]) -> Finding | None:
 
 
 def profile_setting() -> str:
-    """Return what is to be set for who sends and receives images."""
+    """Return the environment variable, NAME=VALUE, for processes that exchange images."""
     return f'{VARIABLES[0]}={profile_path()}'
 
 
@@ -99,7 +100,7 @@ def profile(environment: Mapping[str, str]) -> Finding:
 
 
 def shared_memory() -> Finding:
-    """Return whether processes can share as much memory as images need."""
+    """Return whether there is enough free shared memory for images."""
     if not SHARED_MEMORY.is_dir():
         return Finding(f'{sys.platform} has no {SHARED_MEMORY}: images go over the network')
     free, abandoned = shutil.disk_usage(SHARED_MEMORY).free, abandoned_memory(SHARED_MEMORY)

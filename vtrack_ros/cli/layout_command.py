@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the layout; return 0."""
     text = profile_path().with_name(_FILES[arguments.program]).read_text(encoding='utf-8')
     namespace = arguments.node.rpartition('/')[0]
-    # /diagnostics is everybody's.
+    # /diagnostics is shared by all nodes, and keeps its name.
     text = re.sub(r'(?<=[ "])/(?=pose|detections)', f'{namespace}/', text)
     print(text.replace('/tracker/', f'{arguments.node}/'), end='')
     return 0

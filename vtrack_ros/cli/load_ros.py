@@ -1,4 +1,4 @@
-"""ROS where a command needs it, loaded when it does."""
+"""Loading of ROS, only in the commands that need it."""
 
 import os
 from typing import Any
@@ -8,9 +8,9 @@ from vtrack_ros.dds import with_profile
 
 def load_rclpy(doing: str) -> Any:
     """
-    Return the module rclpy, with the profile that lets images through.
+    Return the module rclpy, after setting the middleware profile that large images need.
 
-    ModuleNotFoundError where there's none; `doing` is what needs it.
+    ModuleNotFoundError if it isn't installed; its message names `doing` as what needs rclpy.
     """
     try:
         # Without the profile's shared memory a best-effort subscriber misses large images.

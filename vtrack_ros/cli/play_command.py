@@ -1,4 +1,4 @@
-"""`vtrack play`: a bag over ROS."""
+"""`vtrack play`: publish a bag over ROS."""
 
 import argparse
 import json
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Publish the bag; a signal gives 128 and its number, unless it ended a loop: that's 0."""
+    """Publish the bag; return 0, or 128 + the number of a signal that ended it without --loop."""
     caught: list[int] = []
     stop = StopRequest()
 
@@ -55,11 +55,11 @@ def run(arguments: argparse.Namespace) -> int:
     with BagReader(arguments.bag) as bag:
         warn('vtrack play', bag.notice)
         rclpy = load_rclpy('playing')
-        # Until ROS is down again, a signal ends the player between two messages, after a last
-        # word; another one must not leave shared memory behind.
+        # Until ROS is shut down, a signal only requests a stop: the player ends between two
+        # messages and prints its count. A second signal mustn't leave shared memory behind.
         with heard_by(end):
             context = rclpy.context.Context()
-            # ROS would read our arguments as its own, and rename topics once more.
+            # No arguments: ROS would parse ours as its own, and remap the topics a second time.
             rclpy.init(args=[], context=context,
                        signal_handler_options=rclpy.SignalHandlerOptions.NO)
             node = rclpy.create_node('vtrack_play', context=context)
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None:
-    # JSON has standard output for itself.
+    # With --json, standard output has the JSON alone.
     stream = sys.stderr if arguments.json else sys.stdout
     for reason in player.skipped:
         print(f'vtrack play: left out {reason}', file=sys.stderr)

@@ -1,4 +1,4 @@
-"""A progress bar on a terminal, a line now and then in a log."""
+"""Progress: a bar on a terminal, or periodic lines in a log."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 Item = TypeVar('Item')
 
-#: Seconds between two lines of a log.
+#: Minimum interval between two lines of a log, in seconds.
 _PAUSE = 5.0
 
 
@@ -39,7 +39,7 @@ class ProgressBar:
 
 
 def with_progress(items: Iterable[Item], total: int | None, unit: str) -> Iterator[Item]:
-    """Pass items on, and show how many of `total` came."""
+    """Yield the items, and show how many of `total` were yielded."""
     show = ProgressBar(unit)
     for done, item in enumerate(items, start=1):
         show(done, total)
@@ -47,7 +47,7 @@ def with_progress(items: Iterable[Item], total: int | None, unit: str) -> Iterat
 
 
 class _LogLines(io.StringIO):
-    """Each state of the bar as a line of standard error."""
+    """A stream that prints each state of the bar as a line on standard error."""
 
     def write(self, text: str) -> int:
         if line := text.strip():
@@ -57,7 +57,7 @@ class _LogLines(io.StringIO):
 
 @contextmanager
 def _interrupt_later() -> Iterator[None]:
-    """Have Ctrl-C wait: a bar that is only half built fails when it is cleared away."""
+    """Defer Ctrl-C to the end of the context: a half-constructed bar raises when destroyed."""
     came: list[int] = []
     earlier = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     try:

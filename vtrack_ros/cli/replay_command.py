@@ -108,7 +108,7 @@ def _state(estimate: Estimate | None) -> str:
 
 
 def _assignment(text: str, tracker: str) -> tuple[str, str]:
-    """Return name and value; the name may have the tracker before it, as it has in a node."""
+    """Return name and value; the name may begin with `TRACKER.`, as the node's parameters do."""
     name, separator, value = text.partition('=')
     if not (name and separator):
         raise ValueError(f'--set must be NAME=VALUE, not {text!r}')

@@ -11,7 +11,7 @@ _SIGNALS = ending_signals()
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End the demo: once, for what is told twice at once must still end its processes."""
+    """End the demo at the first signal; ignore further ones, so that it ends its processes."""
     for each in _SIGNALS:
         signal.signal(each, lambda *_: None)
     raise KeyboardInterrupt
@@ -21,7 +21,7 @@ if __name__ == '__main__':
     try:
         for each in _SIGNALS:
             signal.signal(each, _end)
-        # It takes a second to load, in which one may think better of it.
+        # Imported only now: it takes a second, during which Ctrl-C must end it cleanly too.
         from vtrack_ros.demo.demonstration import main
         code = main()
     except KeyboardInterrupt:

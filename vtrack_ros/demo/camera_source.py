@@ -14,7 +14,7 @@ from vtrack_ros.dds import end_process, leave
 from vtrack_ros.frame import Frame
 from vtrack_ros.signals import ending_signals
 
-#: The rate of a video that doesn't tell its own, in Hz.
+#: The frame rate assumed for a video that doesn't state its own, in Hz.
 _USUAL_RATE = 30.0
 
 
@@ -23,9 +23,9 @@ class NoImagesError(RuntimeError):
 
 
 def opened(source: str) -> cv2.VideoCapture:
-    """Open a camera by its number, or a video file; NoImagesError where no image comes."""
+    """Open a camera by its number, or a video file; NoImagesError if no image comes."""
     if source.isdecimal():
-        # OpenCV would complain at length.
+        # Checked first, since OpenCV would print many lines of errors.
         if sys.platform == 'linux' and not Path(f'/dev/video{source}').exists():
             raise NoImagesError(f'there is no camera {source} (/dev/video{source})')
         capture = cv2.VideoCapture(int(source))
@@ -41,7 +41,7 @@ def opened(source: str) -> cv2.VideoCapture:
 
 
 def images(source: str) -> Iterator[Frame]:
-    """Return a camera's images as they come, or a video's at its own rate, again and again."""
+    """Yield a camera's images as they come, or a video's at its frame rate, in an endless loop."""
     while True:
         capture = opened(source)
         rate = capture.get(cv2.CAP_PROP_FPS) or _USUAL_RATE
@@ -57,7 +57,7 @@ def images(source: str) -> Iterator[Frame]:
 
 
 def main(source: str) -> int:
-    """Publish on `image` until a signal ends it, 0, or no image comes any more, 2."""
+    """Publish on `image`; return 0 when a signal ends it, 2 when no image comes any more."""
     import rclpy
     from rclpy.qos import qos_profile_sensor_data
     from sensor_msgs.msg import Image

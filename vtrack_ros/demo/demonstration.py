@@ -1,4 +1,4 @@
-"""Track a target in a recorded bag, with a real node, and show what came out."""
+"""Track a target in a recorded bag, with a real node, and show the results."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from vtrack_ros.ros.recorder import Answer
 
 _ROOT = Path(__file__).resolve().parents[2]
-#: Less than this share of tracked frames isn't tracking, nor is less than this mean overlap.
+#: The demo fails below this share of tracked frames, or below this mean overlap (IoU).
 LEAST_TRACKED, LEAST_IOU = 0.5, 0.3
 
 
@@ -61,11 +61,11 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the demo; return 0 if the target was tracked, 1 if not, 2 if it couldn't be tried."""
+    """Run the demo; return 0 if the target was tracked, 1 if not, 2 if it couldn't be run."""
     words = sys.argv[1:] if arguments is None else arguments
     options = parser().parse_args(negative_values(words))
     with nullcontext() if 'ROS_DOMAIN_ID' in os.environ else reserve_domain():
-        # Fast DDS reads it when ROS is imported.
+        # Before the imports of ROS, when Fast DDS reads the profile.
         os.environ.update(with_profile(os.environ))
         from vtrack_ros.demo.camera_source import NoImagesError
         from vtrack_ros.demo.processes import DemoError
@@ -124,10 +124,10 @@ def _demonstrate(options: argparse.Namespace) -> int:
 def summarise(answers: Mapping[int, Answer], truth: Mapping[int, Box | None],
               sent: int) -> Figures:
     """
-    Return the figures of a run: as `StreamScore` has them, all frames' whereabouts, and latency.
+    Return the figures of a run: frames sent and dropped, those of `StreamScore`, and latency.
 
-    Takes answers and truth by stamp, as the recorder and the bag give them, and how many frames
-    the player published.
+    Takes answers and truth by stamp, as the recorder and the bag give them, and the number of
+    frames that the player published.
     """
     score = StreamScore(truth)
     received = {stamp: answers[stamp] for stamp in sorted(answers) if answers[stamp].received}

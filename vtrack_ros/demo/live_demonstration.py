@@ -10,17 +10,17 @@ import webbrowser
 from vtrack_ros.demo.camera_source import NoImagesError, opened
 from vtrack_ros.demo.processes import Child, end_all, PATIENCE
 
-#: What is shown where there is no camera.
+#: The bag that is played if there is no camera.
 _SCENE = Path(__file__).resolve().parents[2] / 'bags' / 'leave_and_return'
 
 
 def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) -> None:
     """
-    Track what a camera or a video shows until Ctrl-C; a scene where there is no such camera.
+    Track a target in the images of a camera or a video until Ctrl-C.
 
     Takes a camera's number or a video file, the node's ROS arguments, and a folder for the
-    processes' logs; with `show` the page is opened in a browser. NoImagesError where a file can't
-    be read, DemoError if a process fails.
+    processes' logs; with `show` the page is opened in a browser. A recorded scene is played if
+    there is no such camera. NoImagesError if a file can't be read, DemoError if a process fails.
     """
     try:
         opened(source).release()

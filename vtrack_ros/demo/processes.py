@@ -11,23 +11,24 @@ import time
 from vtrack_ros.ros.recorder import Answer, Recorder
 from vtrack_ros.signals import heard_by
 
-#: How long a process may take to start or to end, in seconds.
+#: Time-out for a process to start, or to end by itself, in seconds.
 PATIENCE = 30.0
-#: How long processes that are told to end may take before they are killed, in seconds.
+#: Time-out of terminated processes, after which they are killed, in seconds.
 LAST_WORDS = 5.0
-#: The codes of a process that ended as it was told to; by the signal if it didn't listen yet.
+#: Exit codes of a process that ended as it was told to: 0, 128 + the signal's number, or minus the
+#: number if it had no handler for it yet.
 _ENDED_WELL = (0, *(code for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
                     for code in (-number, 128 + number)))
-#: How long no answer may come after the last frame was sent, in seconds.
+#: Time-out without any answer after the last frame was sent, in seconds.
 SILENCE = 2.0
 
 
 class DemoError(RuntimeError):
-    """A process of the demo didn't do its part; the message says which and what it said."""
+    """A process of the demo failed; the message says which, and quotes its log."""
 
 
 class Child:
-    """A process of this Python interpreter, named for messages, that writes into a log."""
+    """A child process of this Python interpreter, with a name for messages and a log file."""
 
     def __init__(self, name: str, log: Path, *arguments: str) -> None:
         self._name, self._log, self._blamed = name, log, False
@@ -51,7 +52,7 @@ class Child:
             raise self.failure(f'ended with code {self._process.returncode}')
 
     def wait(self) -> None:
-        """Wait until it ends by itself; raise DemoError if it doesn't, or not well."""
+        """Wait until it ends by itself; raise DemoError at a time-out or a non-zero exit code."""
         try:
             code = self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
@@ -60,16 +61,16 @@ class Child:
             raise self.failure(f'ended with code {code}')
 
     def end(self) -> None:
-        """Tell it to end, and `wait`."""
+        """Send SIGTERM, and `wait`."""
         self.terminate()
         self.wait()
 
     def terminate(self) -> None:
-        """Tell it to end."""
+        """Send SIGTERM."""
         self._process.terminate()
 
     def kill(self, patience: float) -> DemoError | None:
-        """End it, by force after so many seconds; return an error in its end not told yet."""
+        """Wait, and kill it after `patience` seconds; return an error if not reported before."""
         try:
             code = self._process.wait(patience)
         except subprocess.TimeoutExpired:
@@ -82,18 +83,18 @@ class Child:
         return self.failure(f'ended with code {code}')
 
     def failure(self, what: str) -> DemoError:
-        """Return an error that quotes the process."""
+        """Return an error that quotes the process's log, and mark it as reported."""
         self._blamed = True
         return DemoError(f'the {self._name} {what}' + (f':\n{self.said}' if self.said else ''))
 
 
 def end_all(children: Sequence[Child]) -> None:
     """
-    End all processes: on their own, for who is killed leaves its shared memory behind.
+    Terminate all processes, and kill them only at a time-out: it leaves shared memory behind.
 
-    What is wrong with an end goes to the standard error, unless it was told before.
+    Errors at their ends are printed on standard error, unless they were reported before.
     """
-    # who is told twice must still end all
+    # Signals are ignored meanwhile: a second one must not leave processes running.
     with heard_by(lambda *_: None):
         for child in children:
             child.terminate()
@@ -106,12 +107,12 @@ def end_all(children: Sequence[Child]) -> None:
 def run(node: Sequence[str], player: Sequence[str], folder: Path,
         answered: Callable[[int], None]) -> tuple[int, dict[int, Answer]]:
     """
-    Play a bag to a node, and record what it answers.
+    Play a bag to a node, and record its answers.
 
     Takes the node's ROS arguments and those of `vtrack play`, and a folder for the processes'
-    logs; `answered` is called with the number of answered frames, whenever it grows. Returns how
-    many frames the player published, and the answers by the stamps of the images in nanoseconds;
-    DemoError if a process fails or doesn't start.
+    logs; `answered` is called with the number of answered frames, whenever it grows. Returns the
+    number of frames that the player published, and the answers by the stamps of the images in
+    nanoseconds; DemoError if a process fails or doesn't start.
     """
     children = [Child('node', folder / 'node.log', 'vtrack_ros.ros.main', '--ros-args', *node)]
     try:

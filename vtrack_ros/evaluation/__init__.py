@@ -1,4 +1,4 @@
-"""The measuring instrument: trackers over sequences with truth, in figures."""
+"""Evaluation of trackers on sequences with truth, in figures of merit."""
 
 from vtrack_ros.bags.errors import SequenceError
 from vtrack_ros.evaluation.evaluator import evaluate

@@ -1,4 +1,4 @@
-"""Runs kept on disk under a hash of all that they depend on."""
+"""A cache of runs on disk, under a hash of all that they depend on."""
 
 import ast
 from collections.abc import Callable
@@ -20,8 +20,8 @@ from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 _PACKAGE = __name__.partition('.')[0]
 _ROOT = Path(__file__).resolve().parents[1]
 _RUNNER = f'{_PACKAGE}.evaluation.runner'
-#: Runs that were kept under another number aren't used: some of the first had other frames, where
-#: a folder's images had been cut or ordered in several ways.
+#: Version of the cache; runs stored under another version are ignored. Some runs of version 1 are
+#: of the wrong frames, where one folder's images had been cut or ordered in several ways.
 _VERSION = 2
 
 
@@ -32,7 +32,7 @@ def default_folder() -> Path:
 
 
 def tracker_source(tracker: TrackerSpecification) -> str:
-    """Return the hash of the source that a tracker and its runs are made of."""
+    """Return the hash of the source code of a tracker and of the runner."""
     return source_hash(tracker.tracker_class.__module__, _RUNNER)
 
 
@@ -40,7 +40,7 @@ def run_key(tracker: TrackerSpecification, source: str, fingerprint: str, seed: 
     """
     Return the hash of all that a run depends on.
 
-    The tracker's name and all its parameters, the source that it's made of (`tracker_source`), the
+    These are the tracker's name and all its parameters, its source (`tracker_source`), the
     sequence's content, the seed, and the versions of NumPy and OpenCV.
     """
     parts = {
@@ -57,14 +57,14 @@ def run_key(tracker: TrackerSpecification, source: str, fingerprint: str, seed: 
 
 
 class RunCache:
-    """A folder of runs by key, kept by joblib; made where it isn't there."""
+    """A folder of runs by key, stored by joblib; created if it doesn't exist."""
 
     def __init__(self, folder: Path) -> None:
         from joblib import Memory
         self._kept: Any = Memory(folder, verbose=0).cache(_made, ignore=['make'])
 
     def get(self, key: str) -> Run | None:
-        """Return the run of that key, marked as cached; None where none can be read."""
+        """Return the run of that key, marked as cached; None if none can be read."""
         try:
             run: Run = self._kept(key, _missing)
             return replace(run, cached=True)
@@ -72,7 +72,7 @@ class RunCache:
             return None
 
     def put(self, key: str, run: Run) -> None:
-        """Keep a run."""
+        """Store a run."""
         self._kept(key, lambda: run)
 
 
@@ -88,8 +88,8 @@ def source_hash(*modules: str) -> str:
     """
     Return a hash of the source of modules and of all that they import from their own packages.
 
-    A module's own parent packages don't count, only what's imported by name: a tracker's hash
-    doesn't change with another tracker's source.
+    A module's parent packages aren't included unless they are imported by name, so that a
+    tracker's hash doesn't change with another tracker's source.
     """
     digest = hashlib.sha256()
     for name, path in sorted(source_files(*modules).items()):
@@ -98,10 +98,10 @@ def source_hash(*modules: str) -> str:
 
 
 def source_files(*modules: str) -> dict[str, Path]:
-    """Return the files that `source_hash` reads by module; ModuleNotFoundError for no module."""
+    """Return module -> file that `source_hash` reads; ModuleNotFoundError for an unknown one."""
     found: dict[str, Path] = {}
     waiting = list(modules)
-    # A tracker of another package is made of that one's source and of ours.
+    # The source of another package's tracker is in that package and in this one.
     packages = frozenset((_PACKAGE, *(name.partition('.')[0] for name in modules)))
     while waiting:
         name = waiting.pop()

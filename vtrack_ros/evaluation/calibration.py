@@ -1,4 +1,4 @@
-"""What a tracker says about itself, against the truth: confidence, state and covariance."""
+"""Calibration of a tracker's confidence, state and covariance against the truth."""
 
 from dataclasses import dataclass
 import math
@@ -12,10 +12,10 @@ from vtrack_ros.frame import Array
 
 def auroc(positive: ArrayLike, negative: ArrayLike) -> float:
     """
-    Return the probability that a positive scores above a negative, ties counted by half.
+    Return the probability that a positive scores above a negative, a tie counting one half.
 
-    The area under the receiver operating characteristic, by the rank-sum statistic; NaN where
-    there are no positives or no negatives.
+    This is the area under the receiver operating characteristic, by the rank-sum statistic; NaN
+    if there are no positives or no negatives.
     """
     high = np.asarray(positive, dtype=np.float64)
     low = np.sort(np.asarray(negative, dtype=np.float64))
@@ -29,13 +29,13 @@ def auroc(positive: ArrayLike, negative: ArrayLike) -> float:
 @dataclass(frozen=True)
 class Losses:
     """
-    How a tracker reports that it lost the target.
+    The losses of the target and the delays with which a tracker reported them.
 
     A loss begins with the first frame off the target after one on it (the start counts as on) and
     ends with the next frame on it.
 
-    `delays` holds for each loss that the tracker reported the frames that passed before it did, 0
-    where the first one was reported already.
+    `delays` has, for each loss that the tracker reported, the number of frames from its begin to
+    the report: 0 if its first frame was reported.
     """
 
     count: int
@@ -43,7 +43,7 @@ class Losses:
 
 
 def losses(overlap: Array, reported: BoolArray) -> Losses:
-    """Return the losses, given for each frame whether the tracker said that it lost the target."""
+    """Return the losses; `reported` is for each frame whether the tracker reported a loss."""
     on, off = on_target(overlap), off_target(overlap)
     count, began = 0, -1
     delays = []
@@ -61,10 +61,10 @@ def losses(overlap: Array, reported: BoolArray) -> Losses:
 
 def return_delays(overlap: Array) -> tuple[float, ...]:
     """
-    Return, for each absence of the target that ended, the frames from its return until on target.
+    Return the number of frames until re-detection, for each time the absent target returned.
 
-    Inf for a target that was not found again before it went or the sequence ended, 0 where the
-    box is on the target in the frame of its return.
+    It is counted from the frame of the return to the first one with the box on the target: 0 if
+    they are the same, inf if the target left again or the sequence ended before.
     """
     delays = []
     returned = -1
@@ -89,9 +89,9 @@ def inside_ellipse(boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
     """
     Return 1 where the true centre is inside the ellipse of the covariance, 0 where it's outside.
 
-    The ellipse of the centre's covariances, shape (n, 2, 2) in px^2, holds that `probability` of a
+    The ellipse of the centre's covariances, shape (n, 2, 2) in px^2, contains `probability` of a
     normal distribution: its squared Mahalanobis radius is -2 log(1 - probability). NaN where the
-    truth is absent or the covariance not finite; a singular covariance holds nothing.
+    truth is absent or the covariance not finite; 0 where the covariance is singular.
     """
     offset = center_offsets(boxes, truth)
     covariance = np.asarray(covariances, dtype=np.float64)
@@ -101,7 +101,7 @@ def inside_ellipse(boxes: ArrayLike, covariances: ArrayLike, truth: ArrayLike,
     xx, xy, yy = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     dx, dy = offset[:, 0], offset[:, 1]
     determinant = xx * yy - xy * xy
-    # Multiplied by the determinant, so that a singular covariance divides nothing.
+    # Squared Mahalanobis distance times determinant: a singular covariance divides by no zero.
     distance = yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy
     inside = (determinant > 0) & (distance <= -2 * math.log1p(-probability) * determinant)
     result: Array = inside.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Charts as SVG to be set into a page, which lends them its colours and fonts."""
+"""Charts as SVG elements for an HTML page, which may style their text."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _STYLE: Any = {
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a chart; NaN in y, shape (n,) as x, breaks it."""
+    """A line of a chart; x and y have shape (n,), and a NaN in y interrupts the line."""
 
     label: str
     color: str
@@ -32,7 +32,7 @@ class Curve:
 
 
 def colour(index: int) -> str:
-    """Return the colour of the index-th tracker; beyond ten by the golden angle."""
+    """Return the colour of the index-th tracker; beyond ten, hues at steps of the golden angle."""
     palette = list(TABLEAU_COLORS.values())
     if index < len(palette):
         return to_hex(palette[index])
@@ -46,8 +46,8 @@ def line_chart(curves: Iterable[Curve], x_label: str, y_label: str, *, width: in
     """
     Return a chart of curves, `width` by `height` pixels large.
 
-    The y axis begins at 0 and ends at `y_top`, by default beyond the highest value; `shaded` are
-    ranges of x, `x_ticks` what stands at which x. With a `legend` it can stand alone.
+    The y axis begins at 0 and ends at `y_top`, by default above the highest value; `shaded` are
+    ranges of x; `x_ticks` is x -> label of the tick. `legend` adds a legend to the chart itself.
     """
     with rc_context(_STYLE):
         figure, axes = _axes(width, height, (52, 40, 10, 8))
@@ -103,7 +103,7 @@ def bar_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]],
 
 
 def _axes(width: int, height: int, margins: tuple[int, int, int, int]) -> tuple[Figure, Any]:
-    """Return a figure and its axes, given the margins left, below, right and above in pixels."""
+    """Return a figure and its axes; `margins` are (left, below, right, above) in pixels."""
     left, below, right, above = margins
     figure = Figure((width / 72, height / 72), facecolor='none')
     axes = figure.add_axes((left / width, below / height, (width - left - right) / width,
@@ -112,12 +112,13 @@ def _axes(width: int, height: int, margins: tuple[int, int, int, int]) -> tuple[
 
 
 def svg(figure: Figure) -> str:
-    """Return a figure as an SVG element; what has the gid `tip:WORDS` says WORDS when hovered."""
+    """Return a figure as an SVG element; a group with the gid `tip:TEXT` has TEXT as tooltip."""
     file = StringIO()
     figure.savefig(file, format='svg', metadata={'Date': None})
     text = file.getvalue()
     text = re.sub(r'<metadata>.*?</metadata>', '', text[text.index('<svg'):], flags=re.S)
     text = re.sub(r'(\d)pt"', r'\1"', text, count=2)
-    # Names become what one reads when the pointer rests on a line, and none is there twice.
+    # Tooltips are made of the `tip:` ids; all other ids of groups are removed, since those of
+    # several charts in one page would not be unique.
     text = re.sub(r'<g id="tip:([^"]*)">', r'<g><title>\1</title>', text)
     return re.sub(r'\s*\n\s*', ' ', re.sub(r'<g id="[^"]*"', '<g', text))

@@ -1,4 +1,4 @@
-"""Running many trackers over many sequences, in processes."""
+"""Running many trackers over many sequences, in several processes."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence as Ordered
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from vtrack_ros.evaluation.stress import StressedSequence
 from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
 from vtrack_ros.frame import Frame
 
-#: Called with the number of runs that are done, and of all.
+#: Called with the number of runs that are done, and the total number.
 Progress = Callable[[int, int], None]
 
-#: Decoded frames of up to this many bytes are kept for the next tracker on the same video.
+#: Limit [bytes] of the decoded frames that a process buffers for the next tracker on a video.
 _KEPT_BYTES = 1 << 30
 
 
@@ -41,14 +41,14 @@ def evaluate(
     Run every tracker over every sequence with every seed.
 
     Each run has one thread: OpenCV's and the linear algebra's pools are set to one. The processes
-    are joblib's: below ``joblib.parallel_config(backend='dask')`` those of a dask cluster.
+    are joblib's: within ``joblib.parallel_config(backend='dask')`` those of a dask cluster.
 
-    Trackers are such as ``'pf'`` or ``'gmpf:particles=40'``; sequences may be a folder, as
-    `find_sequences` takes it, whose broken ones are among the results' problems. `seeds` says how
-    many (then 0, 1, ...) or which; a tracker that ignores its seed runs with the first one alone.
-    `jobs` is how many processes, by default one for each processor; 0 and 1 run in this one.
-    `progress` is called with the number of runs done and of all. Runs that were made before are
-    taken from the `cache`, where new ones are kept.
+    Trackers are given such as ``'pf'`` or ``'gmpf:particles=40'``; sequences may be a folder (see
+    `find_sequences`), whose unusable sequences are listed in the results' `problems`. `seeds` is
+    the number of seeds (then 0, 1, ...) or the seeds themselves; a tracker that ignores its seed
+    runs with the first one only. `jobs` is the number of processes, by default one per processor;
+    0 and 1 run in this process. `progress` is called with the number of runs done and the total.
+    Runs found in the `cache` are taken from there, and new ones are stored in it.
 
     ValueError or TypeError if a tracker, the seeds or jobs is wrong; SequenceError if the folder
     is.
@@ -93,7 +93,7 @@ def evaluate(
         if isinstance(outcome, str):
             results.problems.append(Problem(name, label, outcome))
         else:
-            # Not what was run while the source was changed.
+            # Runs aren't stored if the tracker's source was changed meanwhile.
             keep = cache is not None and tracker_source(task.tracker) == sources[label]
             for seed, run in zip(task.seeds, outcome):
                 results.add(name, label, seed, run)
@@ -110,15 +110,15 @@ def _outcomes(
         tasks: Ordered[Task], jobs: int | None) -> Iterator[tuple[Task, list[Run] | str]]:
     from joblib import delayed, Parallel
 
-    # Long ones first, so that no process is left with one at the end; those of one video together,
-    # so that it's decoded once.
+    # Long sequences first, so that none is left to a single process at the end; those of one video
+    # consecutively, so that it's decoded once.
     ordered = sorted(tasks, key=lambda task: (-len(task.sequence), task.sequence.video))
     options = {'n_jobs': -1 if jobs is None else max(1, jobs), 'batch_size': 1,
                'pre_dispatch': 'all'}
     try:
         parallel = Parallel(**options, return_as='generator')
     except ValueError:
-        # joblib before 1.4 has the results of a dask cluster all together, at the end.
+        # joblib before 1.4 returns the results of a dask cluster all at once, at the end.
         parallel = Parallel(**options)
     evaluation, done = uuid4().hex, 0
     outcomes: Any = []
@@ -137,7 +137,7 @@ def _outcomes(
 
 
 def run_task(task: Task, evaluation: str) -> list[Run] | str:
-    """Return a task's runs, in the order of its seeds, or what went wrong."""
+    """Return a task's runs in the order of its seeds, or an error message."""
     sequence = task.sequence
     try:
         with one_thread():
@@ -152,13 +152,13 @@ def run_task(task: Task, evaluation: str) -> list[Run] | str:
         return f'{type(error).__name__}: {error}'
 
 
-#: The last video's frames, and those under stress made of them, in each process, by evaluation and
-#: video: files may change in between.
+#: Buffer of each process: the frames of its latest video and the stressed frames made from them,
+#: by (evaluation, video): files may change between evaluations.
 _kept: dict[tuple[str, str], list[Frame]] = {}
 
 
 def _frames(sequence: Sequence, evaluation: str) -> Iterable[Frame]:
-    """Return the frames, made once for all runs on a video that isn't too large."""
+    """Return the frames, made once for all runs on a video if they fit into the buffer."""
     original = sequence.original if isinstance(sequence, StressedSequence) else sequence
     for key in _kept.keys() - {(evaluation, one.video) for one in (original, sequence)}:
         del _kept[key]
@@ -171,7 +171,7 @@ def _frames(sequence: Sequence, evaluation: str) -> Iterable[Frame]:
 
 def _made(sequence: Sequence, evaluation: str,
           make: Callable[[], Iterable[Frame]]) -> Iterable[Frame]:
-    """Return the frames that are kept, or make them, and keep them where there is room."""
+    """Return the buffered frames, or make them, and buffer them if there is room."""
     key = evaluation, sequence.video
     if key not in _kept:
         stream = iter(make())

@@ -1,4 +1,4 @@
-"""What can happen to a frame: it's moved, covered, darkened, blurred, and spoilt otherwise."""
+"""Disturbances of a frame: shift, rotation, occlusion, distractor, darkening, blur, noise."""
 
 from collections.abc import Iterable
 import math
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry.affine import rotation
 
-#: Of an ellipse's radius, the outer share over which a cut-out fades.
+#: Outer share of an ellipse's radius over which the opacity of a cut-out falls to 0.
 _FEATHER = 0.3
-#: An occluder is cut from a strip of at least this width, in pixels.
+#: Minimum width and height [px] of a strip beside the box that an occluder is cut from.
 _NARROWEST = 4
 
 
@@ -27,7 +27,7 @@ def shifted(frame: Frame, offset: Iterable[int]) -> Frame:
 
 
 def rolled(frame: Frame, center: Array, angle: float) -> Frame:
-    """Return a frame turned about a centre (x, y), its border repeated; the angle is in rad."""
+    """Return a frame rotated about a centre (x, y), its border repeated; the angle is in rad."""
     linear, middle = rotation(np.asarray(angle)), center - 0.5
     matrix = np.column_stack([linear, middle - linear @ middle])
     height, width = frame.shape[:2]
@@ -40,8 +40,8 @@ def surroundings(frame: Frame, box: Array, size: tuple[int, int],
     """
     Return a piece of a frame, `size` = (width, height) pixels, from beside a box, shape (4,).
 
-    Where there is no room for it beside the box, a smaller piece is enlarged; where there is
-    none at all it has the frame's mean colour.
+    If there is too little room beside the box, a smaller piece is enlarged; if there is none, the
+    piece has the frame's mean colour.
     """
     height, width = frame.shape[:2]
     left, top = (math.floor(value) for value in box[:2])
@@ -64,7 +64,7 @@ def surroundings(frame: Frame, box: Array, size: tuple[int, int],
 
 
 def covered(frame: Frame, piece: Frame, center: Array) -> Frame:
-    """Return a frame with a piece painted over it about a centre (x, y), as far as it's inside."""
+    """Return a frame with a piece pasted over it, centred at (x, y) and clipped to the frame."""
     high, wide = piece.shape[:2]
     x, y = (round(float(value)) for value in center - np.array([wide, high]) / 2)
     area = _inside(frame, x, y, wide, high)
@@ -78,9 +78,9 @@ def covered(frame: Frame, piece: Frame, center: Array) -> Frame:
 
 def doubled(frame: Frame, box: Array, offset: Array) -> Frame:
     """
-    Return a frame with a twin of what a box, shape (4,), shows, `offset` pixels (x, y) away.
+    Return a frame with a copy of a box's content, shape (4,), `offset` pixels (x, y) away.
 
-    The twin is an ellipse that fades at its rim; where they meet it's in front.
+    The copy (twin) is an ellipse that fades at its rim; it is in front of the original.
     """
     x0, y0 = (math.floor(value) for value in box[:2])
     x1, y1 = (math.ceil(value) for value in box[:2] + box[2:])
@@ -105,10 +105,10 @@ def doubled(frame: Frame, box: Array, offset: Array) -> Frame:
 
 def darkened(frame: Frame, factor: float, angle: float) -> Frame:
     """
-    Return a frame whose light is divided by a factor, unevenly.
+    Return a frame darkened by a factor, unevenly.
 
-    In the direction of the angle it changes from the root of the factor times as much to the root
-    less.
+    The gain is 1 / factor in the middle and rises in the direction of the angle [rad], at most
+    from factor ** -1.5 in one corner to factor ** -0.5 in the opposite one.
     """
     height, width = frame.shape[:2]
     along = (np.linspace(-1, 1, width) * math.cos(angle)
@@ -118,12 +118,12 @@ def darkened(frame: Frame, factor: float, angle: float) -> Frame:
 
 
 def defocused(frame: Frame, sigma: float) -> Frame:
-    """Return a frame blurred by a Gaussian of that standard deviation in pixels."""
+    """Return a frame blurred by a Gaussian with the standard deviation `sigma` [px]."""
     return _pixels(cv2.GaussianBlur(frame, (0, 0), max(sigma, 0.1)))
 
 
 def smeared(frame: Frame, length: float, angle: float) -> Frame:
-    """Return a frame blurred along a line of that length in pixels."""
+    """Return a frame with motion blur: a line of a length in pixels at an angle in rad."""
     points = np.linspace(-0.5, 0.5, 4 * math.ceil(length) + 1)[:, None] * length
     places = points * [math.cos(angle), math.sin(angle)]
     radius = math.ceil(length / 2)
@@ -134,13 +134,13 @@ def smeared(frame: Frame, length: float, angle: float) -> Frame:
 
 
 def noisy(frame: Frame, deviation: float, rng: np.random.Generator) -> Frame:
-    """Return a frame with normal noise of that standard deviation, of 255, in each channel."""
+    """Return a frame with Gaussian noise in each channel; `deviation` is in levels of 0 to 255."""
     return _clipped(frame + np.float32(deviation) * rng.standard_normal(
         frame.shape, dtype=np.float32))
 
 
 def compressed(frame: Frame, quality: int) -> Frame:
-    """Return a frame as it comes back from JPEG of that quality, 0 to 100."""
+    """Return a frame after JPEG compression with a quality of 0 to 100."""
     data = cv2.imencode('.jpg', frame, (cv2.IMWRITE_JPEG_QUALITY, quality))[1]
     return _pixels(cv2.imdecode(data, cv2.IMREAD_UNCHANGED))
 
@@ -159,7 +159,7 @@ def _inside(frame: Frame, x: int, y: int, wide: int, high: int) -> (
 
 
 def _ellipse(box: Array, left: int, top: int, right: int, bottom: int) -> NDArray[np.float32]:
-    """Return how much each pixel of an area belongs to the ellipse in a box, from 0 to 1."""
+    """Return the opacity, 0 to 1, of the ellipse inscribed in a box, for each pixel of an area."""
     center, radii = box[:2] + box[2:] / 2, box[2:] / 2
     x = (np.arange(left, right) + 0.5 - center[0]) / radii[0]
     y = (np.arange(top, bottom) + 0.5 - center[1]) / radii[1]

@@ -2,9 +2,9 @@
 The figures of merit of a tracked sequence, from boxes alone.
 
 Boxes are arrays of shape (n, 4): x, y, width, height in pixels, (x, y) the top-left corner. A row
-of the truth that is NaN or has no area means that the target is absent: such a frame takes part in
-no overlap and no centre error, only in the figures of loss. The first frame, whose box is given,
-counts as in the one-pass evaluation of OTB [Wu2013].
+of the truth that is NaN or has no area means that the target is absent: such a frame has no
+overlap and no centre error, and counts only in the figures of loss. The first frame, whose box is
+given, counts as in the one-pass evaluation of OTB [Wu2013].
 """
 
 from collections.abc import Iterable
@@ -22,11 +22,11 @@ BoolArray = NDArray[np.bool_]
 OVERLAP_THRESHOLDS: Array = np.linspace(0.0, 1.0, 21)
 #: The thresholds of the precision plot, [px].
 PRECISION_THRESHOLDS: Array = np.arange(51.0)
-#: The thresholds of the normalised precision plot, in sizes of the target.
+#: The thresholds of the normalised precision plot, as fractions of the target's size.
 NORMALISED_THRESHOLDS: Array = np.linspace(0.0, 0.5, 51)
-#: An overlap above this is on the target.
+#: A box whose overlap is above this threshold is on the target.
 ON_TARGET = 0.5
-#: An overlap below this is off the target.
+#: A box whose overlap is below this threshold is off the target; in between it's neither.
 OFF_TARGET = 0.1
 
 
@@ -37,7 +37,7 @@ def truth_rows(boxes: Iterable[Box | None]) -> Array:
 
 
 def checked_boxes(boxes: ArrayLike, name: str = 'boxes') -> Array:
-    """Return boxes as an array of shape (n, 4); ValueError if the shape is another one."""
+    """Return boxes as an array of shape (n, 4); ValueError for any other shape."""
     array = np.asarray(boxes, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 4:
         raise ValueError(f'{name} must have shape (n, 4), not {array.shape}')
@@ -79,7 +79,7 @@ def center_errors(boxes: ArrayLike, truth: ArrayLike) -> Array:
 
 
 def normalised_errors(boxes: ArrayLike, truth: ArrayLike) -> Array:
-    """Return the distance of the centres in sizes of the truth [Fan2019]; NaN where absent."""
+    """Return the centre error, x / width and y / height of the truth [Fan2019]; NaN if absent."""
     size = checked_boxes(truth, 'truth')[:, 2:]
     there = present(truth)
     scaled = np.full(size.shape, np.nan)
@@ -109,7 +109,7 @@ def precision_at(error: Array, threshold: float = 20.0) -> float:
 
 
 def normalised_precision(normalised: Array) -> float:
-    """Return the area under the normalised precision curve, the mean over 0 to 0.5 [Fan2019]."""
+    """Return the normalised precision, averaged over thresholds from 0 to 0.5 [Fan2019]."""
     return float(_share(normalised, np.less_equal, NORMALISED_THRESHOLDS).mean())
 
 
@@ -118,10 +118,10 @@ class Failures:
     """
     The failures of a sequence.
 
-    A failure begins when the overlap falls to 0 and ends when it rises above `OFF_TARGET` again;
-    frames without the target neither begin nor end one, and aren't counted in its length.
+    A failure begins when the overlap falls to 0 and ends when it rises above `OFF_TARGET` again
+    (hysteresis); frames without the target are skipped, and aren't counted in its length.
 
-    `recoveries` says how many frames each of those that ended had lasted.
+    `recoveries` has the length, in frames, of each failure that ended.
     """
 
     count: int
@@ -154,7 +154,7 @@ def off_target(overlap: Array) -> BoolArray:
 
 
 def stretches(mask: BoolArray) -> list[tuple[int, int]]:
-    """Return begin and end (the first one after it) of each run of true values."""
+    """Return (begin, end), the end exclusive, of each run of consecutive true values."""
     edges = np.diff(np.concatenate([[0], np.asarray(mask).astype(np.int8), [0]]))
     return [(int(begin), int(end)) for begin, end in zip(
         np.flatnonzero(edges == 1), np.flatnonzero(edges == -1))]
@@ -168,7 +168,7 @@ def _pair(boxes: ArrayLike, truth: ArrayLike) -> tuple[Array, Array]:
 
 
 def _share(values: Array, compare: np.ufunc, thresholds: Array) -> Array:
-    """Return the share of the finite values that compare so with each threshold."""
+    """Return, for each threshold, the share of finite values with `compare(value, threshold)`."""
     valid = values[np.isfinite(values)]
     if not len(valid):
         return np.full(len(thresholds), np.nan)

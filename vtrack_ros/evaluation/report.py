@@ -24,7 +24,7 @@ from vtrack_ros.evaluation.stress_results import StressResults
 from vtrack_ros.evaluation.table import number_text, ranked
 from vtrack_ros.frame import Array, Frame
 
-#: What is better for a figure: its largest value or its smallest; the others aren't compared.
+#: Whether a figure's largest or its smallest value is the best; no best for figures not listed.
 _BEST: dict[str, Callable[[list[float]], float]] = {
     **dict.fromkeys(('auc', 'precision20', 'normalised_precision', 'auroc', 'losses_reported',
                      'found15'), max),
@@ -41,13 +41,13 @@ _QUESTIONS = {
 }
 _FOR_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'report_frames',
                  'false_alarms', 'wrong_tracking', 'found15', 'coverage90', 'ms_median')
-#: The width of a picture, in pixels of the page.
+#: The width of a picture on the page, in CSS pixels.
 _PICTURE = 306
 
 
 @dataclass(frozen=True)
 class WorstFrame:
-    """A frame by its index, whose worst one it is, and that one's overlap; NaN without target."""
+    """A frame's index, the tracker that it was chosen for, and its overlap (NaN: no target)."""
 
     index: int
     tracker: str
@@ -60,9 +60,9 @@ def worst_frames(
     """
     Return the worst frames of a sequence's runs, at most `limit`, in the order of time.
 
-    Those of a tracker are where its stretches off the target begin, the longest first, and then
-    the frames of its least overlap. Every tracker has its turn, the worst one first; frames that
-    are closer to one another than `apart` count as one.
+    A tracker's candidates are the first frames of its stretches off the target, the longest
+    stretch first, and then all frames by increasing overlap. The trackers take turns, the one with
+    the lowest mean overlap first; a frame closer than `apart` to a chosen one is skipped.
     """
     overlaps = {label: metrics.overlaps(run.boxes, truth) for label, run in runs.items()}
     worst_first = sorted(overlaps, key=lambda label: float(np.nanmean(overlaps[label])))
@@ -87,7 +87,7 @@ def _candidates(overlap: Array) -> list[int]:
 
 
 def html_page(results: Results, stress: StressResults | None = None) -> str:
-    """Return the page, with what stress did where that is given; it refers to nothing outside."""
+    """Return the page, which needs no other file; with the results under stress, if given."""
     rows = ranked(results)
     colors = {label: colour(index) for index, label in enumerate(rows)}
     template = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -114,7 +114,7 @@ def html_page(results: Results, stress: StressResults | None = None) -> str:
 
 
 def _table(rows: Mapping[str, Scores], keys: tuple[str, ...]) -> dict[str, Any]:
-    """Return the figures that one of the rows has, and what stands in the cells."""
+    """Return the figures that at least one row has, and the contents of the table's cells."""
     shown = [figure for figure in FIGURES if figure.key in keys
              and any(not math.isnan(_value(row, figure.key)) for row in rows.values())]
     best = {}
@@ -174,7 +174,7 @@ def _sequence(results: Results, sequence: Sequence, colors: Mapping[str, str]) -
 
 def _picture(worst: WorstFrame, frame: Frame, sequence: Sequence, runs: Mapping[str, Run],
              colors: Mapping[str, str]) -> dict[str, Any]:
-    """Return a frame's picture, the boxes to be drawn over it and what one sees."""
+    """Return a frame's picture, the boxes to be drawn over it and the words of its caption."""
     high, wide = frame.shape[:2]
     scale = min(1.0, 2 * _PICTURE / wide)
     small = cv2.resize(frame, (round(scale * wide), max(1, round(scale * high))),

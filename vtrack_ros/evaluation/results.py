@@ -1,4 +1,4 @@
-"""What an evaluation found: runs by sequence, tracker and seed, and their figures."""
+"""The results of an evaluation: runs by sequence, tracker and seed, and their figures."""
 
 from collections.abc import Sequence as Ordered
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Scores = dict[str, float]
 
 @dataclass(frozen=True)
 class Problem:
-    """What is wrong with a run, or with a sequence itself: then `tracker` is empty."""
+    """An error of a run, or of a sequence itself; `tracker` is empty then."""
 
     sequence: str
     tracker: str
@@ -43,7 +43,7 @@ class Results:
         self._runs.setdefault((sequence, tracker), {})[seed] = run
 
     def sort(self) -> None:
-        """Bring everything into an order that doesn't depend on which process was faster."""
+        """Sort runs and problems, so that their order doesn't depend on the processes' speed."""
         self.problems.sort(key=lambda problem: (problem.sequence, problem.tracker))
         self._runs = {(sequence, tracker): self._runs[sequence, tracker]
                       for sequence in self.sequences for tracker in self.trackers
@@ -55,13 +55,13 @@ class Results:
 
     @property
     def timings(self) -> str:
-        """Return whether the times were `measured` now, are `cached` from before, or `mixed`."""
+        """Return `measured` if all times are of this evaluation, `cached` if none, or `mixed`."""
         cached = {run.cached for runs in self._runs.values() for run in runs.values()}
         return 'mixed' if len(cached) > 1 else 'cached' if cached == {True} else 'measured'
 
     @cached_property
     def scores(self) -> dict[str, dict[str, dict[int, Scores]]]:
-        """Sequence -> tracker -> seed -> figures of that run."""
+        """Return sequence -> tracker -> seed -> figures of that run."""
         result: dict[str, dict[str, dict[int, Scores]]] = {name: {} for name in self.sequences}
         for (sequence, tracker), runs in self._runs.items():
             truth = self.sequences[sequence].truth
@@ -70,7 +70,7 @@ class Results:
 
     @cached_property
     def by_sequence(self) -> dict[str, dict[str, Scores]]:
-        """Sequence -> tracker -> figures, mean and standard deviation over seeds."""
+        """Return sequence -> tracker -> figures, mean and standard deviation over seeds."""
         return {sequence: {tracker: over_seeds(by_seed.values())
                            for tracker, by_seed in by_tracker.items()}
                 for sequence, by_tracker in self.scores.items()}
@@ -80,7 +80,8 @@ class Results:
         """
         Tracker -> means over its sequences, mean and standard deviation over seeds.
 
-        Of the seeds that ran on all of these sequences; a tracker without such a seed isn't in.
+        Only seeds that ran on all of the tracker's sequences count; a tracker without such a seed
+        is left out.
         """
         result = {}
         for tracker in self.trackers:
@@ -100,7 +101,7 @@ class Results:
 
 
 def _compared(by_tracker: dict[str, dict[int, Scores]]) -> dict[str, dict[int, Scores]]:
-    """Add the index of each seed; a tracker that ran with one seed is compared by that one."""
+    """Add the composite index per seed; a tracker without that seed is compared by its first."""
     result: dict[str, dict[int, Scores]] = {tracker: {} for tracker in by_tracker}
     for seed in sorted({seed for by_seed in by_tracker.values() for seed in by_seed}):
         rows = {tracker: by_seed.get(seed, next(iter(by_seed.values())))

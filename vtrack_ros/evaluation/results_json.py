@@ -20,7 +20,7 @@ from vtrack_ros.evaluation.scoring import FIGURES
 
 
 def environment() -> dict[str, str | int]:
-    """Return machine, versions and date, for the head of a table of measurements."""
+    """Return machine, versions and date, for the header of a table of measurements."""
     try:
         named = re.search(r'^model name\s*:\s*(.*)$', Path('/proc/cpuinfo').read_text(), re.M)
     except OSError:
@@ -39,12 +39,11 @@ def environment() -> dict[str, str | int]:
 
 def as_json(results: Results) -> dict[str, Any]:
     """
-    Return results as what JSON can hold.
+    Return results as data that can be written as JSON.
 
     `sequences` is sequence -> tracker -> figures and `summary` tracker -> the means; each figure
-    KEY has its standard deviation over seeds in KEY_std. A figure that doesn't exist is null.
-    What depends on the clock is in `environment`, `timings` and the figures marked `timed`; all
-    else is the same whenever the same is evaluated.
+    KEY has its standard deviation over seeds in KEY_std. An undefined figure is null. Only
+    `environment`, `timings` and the figures marked `timed` differ when an evaluation is repeated.
     """
     return {
         'environment': environment(),
@@ -62,7 +61,7 @@ def as_json(results: Results) -> dict[str, Any]:
 
 
 def write_json(results: Results, path: Path, more: Mapping[str, Any] | None = None) -> None:
-    """Write `as_json`, and more of it by key, to a file."""
+    """Write `as_json` and the items of `more` to a file."""
     content = {**as_json(results), **(more or {})}
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     path.write_text(text + '\n', encoding='utf-8')

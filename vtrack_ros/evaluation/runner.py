@@ -1,4 +1,4 @@
-"""Running one tracker over one sequence, once and on one thread, and keeping all it said."""
+"""Running one tracker over one sequence, once and on one thread, and recording its output."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -17,20 +17,20 @@ from vtrack_ros.tracker import Estimate, Tracker
 try:
     from threadpoolctl import threadpool_limits
 except ImportError:
-    # Worker processes are started with one thread; only runs in this one may then use more.
+    # Worker processes are started with one thread; only runs in this process may then use more.
     threadpool_limits = nullcontext
 
 
 @dataclass(frozen=True)
 class Run:
     """
-    What a tracker said in one pass over n frames, and how long it took.
+    A tracker's output in one pass over n frames, and its computing times.
 
-    `boxes`, shape (n, 4), are measured or predicted, the first is the one that was given; the
-    `covariances`, shape (n, 2, 2), are those of the centre, both in pixels; `measured` is whether
-    the state was TRACKING. `wall_ms` and `cpu_ms`, shape (n - 1,), are the time of each update, by
-    the clock and of the process on all its threads. `cached` is one that was run at another time,
-    so that its times may be another machine's.
+    `boxes`, shape (n, 4) in px, are measured or predicted, the first one is the given one;
+    `covariances`, shape (n, 2, 2) in px^2, are those of the centre; `measured` is whether the
+    state was TRACKING. `wall_ms` and `cpu_ms`, shape (n - 1,), are the elapsed time of each update
+    and the process's processor time, all threads together. A `cached` run was made earlier, so
+    that its times may be another machine's.
     """
 
     boxes: Array
@@ -48,7 +48,7 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
     Start a tracker on the first frame and update it with every other one.
 
     Only `update` is timed: neither reading a frame nor starting. `steps` is for each frame the
-    time since the one before, in frame intervals, by default 1. ValueError if there is no frame.
+    time since the previous one, in frame intervals, by default 1. ValueError without any frame.
     """
     estimates: list[Estimate] = []
     times: list[tuple[float, float]] = []
@@ -76,7 +76,7 @@ def run_tracker(tracker: Tracker, frames: Iterable[Frame], first_box: Box,
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep OpenCV and the linear algebra on one thread meanwhile."""
+    """Limit OpenCV and the linear algebra to one thread within the context."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

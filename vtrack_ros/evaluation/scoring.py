@@ -1,4 +1,4 @@
-"""The figures of runs: of one, and of a tracker's runs over sequences and seeds."""
+"""The figures of merit of one run, and of a tracker's runs over sequences and seeds."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from vtrack_ros.frame import Array
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of merit: its name in JSON and in tables; if timed, it differs from run to run."""
+    """A figure of merit: name in JSON, and in tables; a timed one differs from run to run."""
 
     key: str
     title: str
@@ -50,20 +50,20 @@ FIGURES = (
            'RMSE 0.3, RMSE variance 0.2, each relative to the worst of these trackers', True),
 )
 
-#: What time, mean and variance of the RMSE count for in the composite index [Zhu2012, section 5].
+#: Weights in the composite index: time, mean of the RMSE, its variance [Zhu2012, section 5].
 _INDEX_WEIGHTS = np.array([0.5, 0.3, 0.2])
 
 
 @dataclass(frozen=True)
 class Confidences:
-    """What a run's confidence is judged by: its values on the target and off it."""
+    """A run's confidences in frames on the target and off it, for the AUROC."""
 
     on: Array
     off: Array
 
 
 def confidences(run: Run, truth: Array) -> Confidences:
-    """Return the confidences on and off the target; the first frame, which is given, is not in."""
+    """Return the confidences on and off the target, without the first frame (its box is given)."""
     overlap = metrics.overlaps(run.boxes, truth)[1:]
     confidence = run.confidences[1:]
     return Confidences(confidence[metrics.on_target(overlap)],
@@ -71,7 +71,7 @@ def confidences(run: Run, truth: Array) -> Confidences:
 
 
 def score(run: Run, truth: Array) -> dict[str, float]:
-    """Return the figures of one run by their keys; NaN where there is nothing to tell from."""
+    """Return the figures of one run by their keys; NaN for an undefined one (such as no loss)."""
     overlap = metrics.overlaps(run.boxes, truth)
     error = metrics.center_errors(run.boxes, truth)
     failed = metrics.failures(overlap)
@@ -124,8 +124,8 @@ def over_sequences(scores: Iterable[Mapping[str, float]],
     """
     Return the summary of one tracker and seed.
 
-    Every figure is the mean over the sequences that have it, but for the AUROC: it is that of all
-    sequences' frames together, since a threshold on the confidence has to serve everywhere.
+    Every figure is the mean over the sequences where it's defined, except the AUROC: it is that of
+    all sequences' frames pooled, since one threshold on the confidence has to serve everywhere.
     """
     rows, pooled = list(scores), list(judged)
     result = {key: mean([row[key] for row in rows]) for key in rows[0]}
@@ -150,10 +150,10 @@ def composite_index(criteria: ArrayLike) -> Array:
     Return the composite evaluation index of each algorithm, shape (algorithms,) [Zhu2012, eq. 21].
 
     `CEI(X_k) = sum_i w_i C_i(X_k) / max_j C_i(X_j)`: from 0 to 1, smaller is better. It is
-    relative to the worst of those compared: adding an algorithm changes the others' index.
+    relative to the worst of those compared: adding an algorithm may change the others' index.
 
     Criteria, shape (algorithms, 3), are time per frame, mean and variance of the RMSE; one that is
-    zero for all counts zero.
+    zero for all algorithms contributes zero.
     """
     values = np.asarray(criteria, dtype=np.float64)
     largest = values.max(axis=0)
@@ -161,7 +161,7 @@ def composite_index(criteria: ArrayLike) -> Array:
 
 
 def mean(values: Iterable[float] | NDArray[np.generic]) -> float:
-    """Return the mean of the values that aren't NaN; NaN where there are none."""
+    """Return the mean of the values that aren't NaN; NaN if there are none."""
     array = np.asarray(values if isinstance(values, np.ndarray) else list(values), dtype=float)
     array = array[~np.isnan(array)]
     return float(array.mean()) if array.size else math.nan

@@ -21,10 +21,10 @@ from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 @dataclass(frozen=True)
 class Sequence(ABC):
     """
-    Frames, and where the target really is in them.
+    Frames, and the true box of the target in each.
 
     `truth`, shape (n, 4), has x, y, width, height in pixels for each frame, NaN where the target
-    is absent; SequenceError if that's in the first frame, in which a tracker is started.
+    is absent; SequenceError if it's absent in the first frame, where a tracker is started.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Sequence(ABC):
     @property
     @abstractmethod
     def video(self) -> str:
-        """Return what tells one video from another; targets of one video share it."""
+        """Return an identifier of the video, shared by all targets in it."""
 
     @abstractmethod
     def frames(self) -> Iterable[Frame]:
@@ -75,7 +75,7 @@ class FolderSequence(Sequence):
 
     @property
     def video(self) -> str:
-        """Return the images' files: a folder's images may be cut or ordered in several ways."""
+        """Return the images' paths: one folder's images may be cut or ordered in several ways."""
         return '\n'.join(map(str, self.images))
 
     def frames(self) -> Iterable[Frame]:
@@ -120,10 +120,10 @@ def read_folder(folder: Path) -> list[FolderSequence]:
 @dataclass(frozen=True)
 class BagSequence(Sequence):
     """
-    The images of a bag's topic, from the `first` one with a true box on.
+    The images of a bag's topic, from index `first` on: the first image with a true box.
 
-    `intervals`, shape (n,), is the time since the image before, in frame intervals: more than 1
-    where some dropped. `notice` is the reader's, where the recorder didn't finish the bag.
+    `intervals`, shape (n,), is the time since the previous image, in frame intervals: more than 1
+    where images were dropped. `notice` is the reader's, for a bag that the recorder didn't finish.
     """
 
     path: Path
@@ -163,9 +163,10 @@ class BagSequence(Sequence):
 
 def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     """
-    Return a bag, of whose image topics one is chosen, as a sequence named as its file or folder.
+    Return one image topic of a bag as a sequence, named as the bag's file or folder.
 
-    SequenceError if it can't be read, or has no truth for an image after the first that has.
+    `topic` is needed if there are several. SequenceError if the bag can't be read, if no image has
+    a true box, or if an image after the first that has one has no truth.
     """
     path = Path(path)
     with BagReader(path) as bag:
@@ -192,7 +193,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
 
 @dataclass(frozen=True)
 class SceneSequence(Sequence):
-    """A scene as `render` makes it by default, again whenever frames are asked for."""
+    """A scene with the defaults of `render`, rendered anew at each call of `frames`."""
 
     scene: str
     digest: str
@@ -225,10 +226,10 @@ def scene_sequence(scene: str) -> SceneSequence:
 
 def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
     """
-    Return the sequences of a folder of sequence folders, or of one, sorted by name.
+    Return the sequences of a folder of sequence folders, or of one such, sorted by folder name.
 
-    Also returns name -> what's wrong for those that can't be used; SequenceError if it isn't a
-    folder, or nothing in it looks like a sequence.
+    Also returns folder name -> error message for those that can't be used; SequenceError if `root`
+    isn't a folder, or nothing in it looks like a sequence.
     """
     if not root.is_dir():
         raise SequenceError(f'{root}: no such folder')
@@ -248,7 +249,7 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
 
 
 def uniquely_named(sequences: Iterable[Sequence]) -> list[Sequence]:
-    """Return the sequences; each further one of a name has its number behind it."""
+    """Return the sequences; repeated names get a number: NAME, NAME (2), and so on."""
     count: dict[str, int] = {}
     result = []
     for sequence in sequences:

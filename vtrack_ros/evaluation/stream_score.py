@@ -1,4 +1,4 @@
-"""The figures of a stream that was followed as it came, by a replay or by a node."""
+"""The figures of merit of a tracked stream of stamped images, by a replay or by a node."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from vtrack_ros.evaluation import metrics
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 
-#: Key -> value; None where there is nothing to tell from.
+#: Key -> value; None if undefined (such as without truth).
 Figures = dict[str, float | None]
 
 _NO_TRUTH = ('mean_iou', 'centre_error_px', 'wrong_tracking')
@@ -25,9 +25,10 @@ _TITLES = {
 
 class StreamScore:
     """
-    Gathers what a tracker answered, frame by frame.
+    Accumulates a tracker's outputs, frame by frame.
 
-    `truth` is stamp in nanoseconds -> true box, None where the target is absent; empty without.
+    `truth` is stamp in nanoseconds -> true box, None where the target is absent; empty if there is
+    no truth.
     """
 
     def __init__(self, truth: Mapping[int, Box | None]) -> None:
@@ -40,9 +41,10 @@ class StreamScore:
     def add(self, stamp: int, found: Box | None, *, given: bool = False,
             milliseconds: float | None = None) -> None:
         """
-        Count in the frame of a stamp in nanoseconds, with the box that was measured or `given`.
+        Add the frame with a stamp in nanoseconds, and the box `found` in it, None if unmeasured.
 
-        The milliseconds that the tracker took are left out where they don't tell of its speed.
+        `given` is whether the box was not measured, but given to start on. `milliseconds` is the
+        computing time; None if it isn't representative of the tracker's speed.
         """
         self._stamps.append(stamp)
         self._found.append(found)
@@ -51,12 +53,13 @@ class StreamScore:
             self._times.append(milliseconds)
 
     def add_step(self, step: Step) -> None:
-        """Count a step of a replay in; those before the target is there don't count."""
+        """Add a step of a replay; steps before the first estimate are skipped."""
         estimate = step.estimate
         if estimate is None and not self._stamps:
             return
         found = estimate.box if estimate is not None and estimate.measured else None
-        # Where there's no target the tracker has nothing to do, which tells nothing of its speed.
+        # Without a target the tracker does nothing, and a start isn't an update: neither time
+        # is representative of its speed.
         timed = estimate is not None and not step.started
         self.add(step.image.stamp, found, given=step.started,
                  milliseconds=step.milliseconds if timed else None)
@@ -65,10 +68,10 @@ class StreamScore:
         """
         Return the figures; None where there is no truth, or no time.
 
-        `frames` and `frames_tracked` count the frames, and those with a measured box. Over the
-        frames whose target is there, `mean_iou` takes 0 where no box was measured, and
-        `centre_error_px` only those where one was. `wrong_tracking` is the share of the frames
-        whose truth is known, but for those whose box was given, with a box measured off the target
+        `frames` and `frames_tracked` count the frames, and those with a box. `mean_iou` and
+        `centre_error_px` are means over the frames with the target in view: a frame without a box
+        counts as IoU 0, and isn't in the centre error. `wrong_tracking` is over the frames whose
+        truth is known, except those whose box was given: the share with a box off the target
         (IoU < 0.1) or with the target absent. `ms_per_frame` is the mean time.
         """
         found = np.array([box is not None for box in self._found], dtype=bool)
@@ -87,7 +90,7 @@ class StreamScore:
 
 
 def figures_table(figures: Figures) -> str:
-    """Return figures for a person, one a line."""
+    """Return figures as text for a terminal, one per line."""
     lines = []
     for key, value in figures.items():
         title, layout = _TITLES[key]

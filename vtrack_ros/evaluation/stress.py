@@ -1,4 +1,4 @@
-"""Sequences made harder by a kind of stress, a severity and a seed, the truth moved along."""
+"""Sequences made harder by a kind of stress, a severity and a seed, the truth changed alike."""
 
 from collections.abc import Iterable, Iterator, Sequence as Ordered
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from vtrack_ros.frame import Array, Frame
 
 
 class StressedFrames(NamedTuple):
-    """Frames to go through once; true boxes (n, 4), hidden or not; visibility and steps (n,)."""
+    """An iterator of frames; true boxes (n, 4), hidden or not; visibility and steps (n,)."""
 
     frames: Iterator[Frame]
     truth: Array
@@ -28,10 +28,10 @@ class StressedFrames(NamedTuple):
 @dataclass(frozen=True)
 class StressedSequence(Sequence):
     """
-    A sequence under stress, made frame by frame whenever frames are asked for.
+    A sequence under stress, made anew frame by frame at each call of `frames`.
 
-    Its `truth` is NaN where the target is hidden, as in a scene; `boxes` has it there too.
-    `content` is the original's fingerprint where it's known already.
+    Its `truth` is NaN where the target is hidden, as in a scene; `boxes` has the box there too.
+    `content` is the original's fingerprint if it's known already, else empty.
     """
 
     original: Sequence
@@ -43,7 +43,7 @@ class StressedSequence(Sequence):
 
     @property
     def video(self) -> str:
-        """Return the original's target and what is done to it."""
+        """Return the original's video and target, and the stress: kind, severity and seed."""
         return (f'{self.original.video} {self.original.name} {self.kind} {self.severity:g} '
                 f'{self.seed}')
 
@@ -59,15 +59,15 @@ class StressedSequence(Sequence):
 
     @property
     def steps(self) -> Array:
-        """Return the time since the frame before, in the original's intervals, for each frame."""
+        """Return the time since the previous frame, in the original's frame intervals."""
         return self._plan()[0].steps
 
     def frames(self) -> Iterator[Frame]:
-        """Make the frames one by one; errors as the original."""
+        """Make the frames one by one; errors as the original's."""
         return self.made_of(self.original.frames())
 
     def made_of(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Make the frames of the original's frames, one by one."""
+        """Make the stressed frames from the original's frames, one by one."""
         plan, rng = self._plan()
         kept = set(plan.kept.tolist())
         last = int(plan.kept[-1])
@@ -75,7 +75,7 @@ class StressedSequence(Sequence):
                             if index in kept), rng)
 
     def fingerprint(self) -> str:
-        """Return a hash of the original, of what is done to it and by which source."""
+        """Return a hash of the original, of the stress and of the source code that makes it."""
         parts = (self.content or self.original.fingerprint(), self.original.name, self.kind,
                  f'{self.severity:g}', str(self.seed),
                  source_hash('vtrack_ros.evaluation.stress_kinds'))
@@ -95,7 +95,7 @@ def stressed_sequence(
         sequence: Sequence, kind: str, severity: float, seed: int = 0,
         size: tuple[int, int] | None = None, content: str = '') -> StressedSequence:
     """
-    Return a sequence under stress, named as it with kind and severity.
+    Return a sequence under stress, named as the original with kind and severity appended.
 
     Parameters
     ----------
@@ -104,19 +104,19 @@ def stressed_sequence(
     kind : str
         One of `STRESS_KINDS` that changes frames, or `plain`.
     severity : float
-        In the kind's unit; its `severities` are three that the reports have.
+        In the kind's unit; the reports use the three of the kind's `severities`.
     seed : int
-        Of the randomness, with the sequence's name and the kind; that of all severities is the
-        same.
+        Seeds the random numbers, together with the sequence's name and the kind; all severities
+        have the same random numbers.
     size : (int, int), [px], optional
-        The original's `frame_size`, where it's known already.
+        The original's `frame_size`, if it's known already.
     content : str
-        Its fingerprint, where that is known already.
+        The original's fingerprint, if it's known already.
 
     Raises
     ------
     ValueError
-        If the kind is unknown or isn't one of frames, or the severity isn't positive.
+        If the kind is unknown or changes no frames, or the severity isn't positive.
     SequenceError
         If the first frame can't be read.
 
@@ -130,7 +130,7 @@ def stressed_sequence(
 
 def stressed_sequences(sequences: Ordered[Sequence], kinds: Ordered[str], seed: int,
                        with_content: bool) -> list[StressedSequence]:
-    """Return the sequences under each kind at each severity; none of one that can't be read."""
+    """Return the sequences under each kind at each severity; unreadable ones are left out."""
     made: list[StressedSequence] = []
     for sequence in sequences:
         try:
@@ -145,7 +145,7 @@ def stressed_sequences(sequences: Ordered[Sequence], kinds: Ordered[str], seed: 
 
 
 def stress(sequence: Sequence, kind: str, severity: float, seed: int = 0) -> StressedFrames:
-    """Return what `stressed_sequence` makes as frames, true boxes, visibility and steps."""
+    """Return a `stressed_sequence` as frames, true boxes, visibility and steps."""
     made = stressed_sequence(sequence, kind, severity, seed)
     return StressedFrames(made.frames(), made.boxes, made.visible, made.steps)
 

@@ -1,4 +1,4 @@
-"""The kinds of stress, and what each does to a sequence: its frames, its truth and its time."""
+"""The kinds of stress, and how each changes a sequence's frames, truth and time steps."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ from vtrack_ros.evaluation.stress_plan import (
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
-#: Frames of one gap and of what is left around it, together.
+#: Period of the gaps [frames]: one gap and the frames kept around it.
 GAP_PERIOD = 25
-#: Frames of a roll to both sides, at least and at most.
+#: Range of the period of a roll to and fro [frames]: (minimum, maximum).
 _ROLL = 60, 100
-#: Frames in which the target is seen between being hidden twice.
+#: Frames between two full occlusions of the target.
 _SEEN = 50
-#: Frames in which an occluder comes, and goes.
+#: Frames of partial occlusion while an occluder slides in, and as many while it slides out.
 _SLIDE = 3
-#: Frames of a twin's way past the target, and until the next one comes.
+#: Frames of a twin's (distractor's) path past the target; frames from its end to the next twin.
 _PASS, _PAUSE = 40, 30
-#: Where a twin's way begins and ends, in sizes of the target from its centre.
+#: Offset from the target at which a twin's path begins and ends, in sizes of the target.
 _REACH = 2.5
 
 
 @dataclass(frozen=True)
 class StressKind:
-    """A kind of stress: its severities, least first, and how each changes a sequence."""
+    """A kind of stress: its severities, mildest first, and its `plan` (None: changes no frame)."""
 
     name: str
     severities: tuple[float, ...]
@@ -63,7 +63,7 @@ def _shake(footage: Footage, severity: float, rng: np.random.Generator) -> Stres
 
 
 def _jumps(footage: Footage, severity: float, rng: np.random.Generator) -> StressPlan:
-    """Move by jumps that stay: of eight directions where there's room, the nearest to home."""
+    """Jump and stay; of eight directions with room, take the one closest to offset zero."""
     least, most = room(footage)
     offsets, place = np.zeros((len(footage.truth), 2)), np.zeros(2)
     for number, (begin, end) in enumerate(stretches(len(offsets), 15, 35, rng)):
@@ -82,7 +82,7 @@ def _jumps(footage: Footage, severity: float, rng: np.random.Generator) -> Stres
 
 
 def _roll(footage: Footage, severity: float, rng: np.random.Generator) -> StressPlan:
-    """Turn to and fro about the target, whose box then bounds the ellipse in it."""
+    """Rotate to and fro about the target; the true box bounds the rotated ellipse of the box."""
     side, period = rng.choice([-1.0, 1.0]), rng.uniform(*_ROLL)
     phases = 2 * math.pi * np.arange(len(footage.truth)) / period
     angles = side * math.radians(severity) * np.sin(phases)
@@ -149,7 +149,7 @@ def _light(footage: Footage, severity: float, rng: np.random.Generator) -> Stres
 
 
 def _blur(footage: Footage, severity: float, rng: np.random.Generator) -> StressPlan:
-    """Blur alternately along a line and, with the same spread in a direction, all around."""
+    """Alternate motion blur and Gaussian blur, of equal standard deviation along the motion."""
     angles = now_and_then(len(footage.truth), 10, 20, rng)
     starts = np.isfinite(angles) & ~np.isfinite(np.concatenate([[np.nan], angles[:-1]]))
     odd = np.cumsum(starts) % 2 == 1
@@ -224,10 +224,11 @@ def stress_kinds(text: str) -> tuple[str, ...]:
 def planned(footage: Footage, kind: str, severity: float, seed: int) -> (
         tuple[StressPlan, np.random.Generator]):
     """
-    Return what becomes of a sequence, and the randomness that its frames are to be made with.
+    Return the plan of a sequence's changes, and the random generator for making its frames.
 
-    It depends on the seed, the sequence's name and the kind. The kind `plain` changes nothing.
-    ValueError if the kind is unknown or isn't one of frames, or the severity isn't positive.
+    The generators depend on the seed, the sequence's name and the kind. The kind `plain` changes
+    nothing. ValueError if the kind is unknown or changes no frames, or the severity isn't
+    positive.
     """
     plan = _plain if kind == 'plain' else _kind(kind).plan
     if plan is None:

@@ -1,4 +1,4 @@
-"""What is planned for a sequence under stress: which frames it keeps, changed how, and truth."""
+"""Plans of a sequence under stress: the frames kept, how they are changed, and the truth."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from vtrack_ros.evaluation.metrics import present
 from vtrack_ros.frame import Array, Frame
 
 Frames = Iterator[Frame]
-#: A frame's index -> the frame as it shall be.
+#: (index, frame, random generator) -> the changed frame.
 Edit = Callable[[int, Frame, np.random.Generator], Frame]
 
 
@@ -33,7 +33,7 @@ class Footage:
 
     @property
     def sides(self) -> Array:
-        """Return the root of the target's area in each frame, shape (n,), [px]."""
+        """Return the square root of the target's area in each frame, shape (n,), [px]."""
         sides: Array = np.sqrt(self.boxes[:, 2:].prod(axis=1))
         return sides
 
@@ -41,20 +41,20 @@ class Footage:
 @dataclass(frozen=True)
 class StressPlan:
     """
-    What becomes of a sequence.
+    The changes of a sequence under stress.
 
     Parameters
     ----------
     kept : ndarray of int, shape (m,)
-        Which frames there still are.
+        The indices of the frames that remain.
     truth : ndarray, shape (m, 4)
-        The boxes in the changed frames, hidden or not; NaN where the target was absent before.
+        The boxes in the changed frames, hidden or not; NaN where the original has no target.
     visible : ndarray of bool, shape (m,)
-        Where the target can be seen.
+        Whether at least a part of the target can be seen.
     steps : ndarray, shape (m,)
-        The time since the frame before, in the frame intervals of the original.
+        The time since the previous frame, in the frame intervals of the original.
     frames : callable
-        Makes the changed frames of the kept ones.
+        Makes the changed frames from the kept ones.
 
     """
 
@@ -66,7 +66,7 @@ class StressPlan:
 
 
 def thinned(footage: Footage, kept: NDArray[np.bool_]) -> StressPlan:
-    """Keep some frames, the first one among them; their steps are the time that passed."""
+    """Keep the frames of a mask that includes the first one; steps are the elapsed time."""
     indices = np.flatnonzero(kept)
     times = np.cumsum(footage.steps)[indices]
     truth = footage.truth[indices]
@@ -84,7 +84,7 @@ def edited(footage: Footage, edit: Edit, truth: Array | None = None) -> StressPl
 
 
 def moved(footage: Footage, offsets: Array) -> StressPlan:
-    """Move each frame by whole pixels, and the truth with it."""
+    """Move each frame and its truth by offsets, rounded to whole pixels."""
     pixels = np.rint(offsets).astype(int)
     truth = footage.truth + np.pad(pixels, ((0, 0), (0, 2)))
     return edited(
@@ -92,7 +92,7 @@ def moved(footage: Footage, offsets: Array) -> StressPlan:
 
 
 def room(footage: Footage) -> tuple[Array, Array]:
-    """Return how far each frame can be moved, (n, 2) each way, with no more of it cut off."""
+    """Return minimum and maximum offset (n, 2) that move no more of the box out of the frame."""
     boxes = footage.boxes
     return (np.ceil(np.minimum(0, -boxes[:, :2])),
             np.floor(np.maximum(0, np.array(footage.size) - boxes[:, :2] - boxes[:, 2:])))
@@ -100,7 +100,7 @@ def room(footage: Footage) -> tuple[Array, Array]:
 
 def stretches(count: int, least: int, most: int, rng: np.random.Generator) -> (
         Iterator[tuple[int, int]]):
-    """Divide frames into stretches of random length."""
+    """Divide frames into stretches of random length from `least` to `most`: begin, end."""
     begin = 0
     while begin < count:
         end = begin + int(rng.integers(least, most + 1))
@@ -109,7 +109,7 @@ def stretches(count: int, least: int, most: int, rng: np.random.Generator) -> (
 
 
 def now_and_then(count: int, least: int, most: int, rng: np.random.Generator) -> Array:
-    """Return a random angle for the frames of every second stretch, NaN for the others."""
+    """Return a random angle [rad] for each second stretch's frames, NaN for the others."""
     angles = np.full(count, np.nan)
     for number, (begin, end) in enumerate(stretches(count, least, most, rng)):
         if number % 2:

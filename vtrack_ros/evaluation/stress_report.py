@@ -14,7 +14,7 @@ from vtrack_ros.evaluation.table import number_text
 
 def stress_chart(stress: StressResults, kind: str, colors: Mapping[str, str], *,
                  width: int = 300, height: int = 230, legend: bool = False) -> str:
-    """Return a chart of AUC against the severities of a kind, which begin with none."""
+    """Return a chart of AUC against the severities of a kind; the first is `plain` (none)."""
     severities = list(stress.of_kind(kind))
     ticks = {float(place): text for place, text in enumerate(
         ['plain', *(f'{severity:g}' for severity in severities)])}
@@ -25,7 +25,7 @@ def stress_chart(stress: StressResults, kind: str, colors: Mapping[str, str], *,
 
 
 def stress_section(stress: StressResults, colors: Mapping[str, str]) -> dict[str, Any]:
-    """Return what the page's section of stress is made of."""
+    """Return the template's data for the page's section of stress."""
     head, *rows = influence_rows(stress)
     return {
         'seed': stress.seed,

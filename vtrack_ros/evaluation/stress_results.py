@@ -1,4 +1,4 @@
-"""Trackers over sequences as they are and under stress, and what a filter changes there."""
+"""Trackers over original sequences and under stress, and a filter's influence on the boxes."""
 
 from collections.abc import Iterable, Mapping, Sequence as Ordered
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from vtrack_ros.evaluation.tracker_specification import specifications, TrackerS
 
 #: The tracker without a filter, with which the others are compared.
 REFERENCE = 'dcf'
-#: Centres further apart than this count as another place, in mean sides of the reference's box.
+#: Centre distance above which a box counts as elsewhere, in mean sides of the reference's box.
 APART = 0.05
 
 
@@ -29,9 +29,9 @@ class FilterInfluence:
     """
     How a tracker's boxes differ from those of `dcf` on the same frames and seed.
 
-    `share` of the frames have the centre elsewhere, further away than `APART`; in the median of
-    those frames it's `distance` mean sides away, and the overlap with the truth is `gain` more
-    than that of `dcf` (NaN where there are none).
+    `share` is the share of frames whose centres are further apart than `APART`. Over those frames,
+    `distance` is the median distance in mean sides of the box of `dcf`, and `gain` the median of
+    the overlap with the truth minus that of `dcf`; NaN if there are no such frames.
     """
 
     share: float
@@ -41,9 +41,9 @@ class FilterInfluence:
 
 class StressResults:
     """
-    The runs on the sequences as they are (`plain`), and under stress.
+    The runs on the original sequences (`plain`), and under stress.
 
-    `levels` has the results by kind and severity, least first, of the same trackers.
+    `levels` has the results of the same trackers by kind and severity, mildest first.
     """
 
     def __init__(self, plain: Results, levels: dict[tuple[str, float], Results],
@@ -63,18 +63,18 @@ class StressResults:
                 if name == kind}
 
     def auc(self, kind: str, tracker: str) -> list[float]:
-        """Return a tracker's AUC with no stress, and with each severity of a kind."""
+        """Return a tracker's AUC without stress, and then for each severity of a kind."""
         return [results.summary.get(tracker, {}).get('auc', math.nan)
                 for results in (self.plain, *self.of_kind(kind).values())]
 
     @cached_property
     def means(self) -> dict[str, float]:
-        """Tracker -> mean AUC over all kinds, of the mean over a kind's severities."""
+        """Return tracker -> AUC, averaged over severities and kinds of stress."""
         return {tracker: float(np.mean([self.auc(kind, tracker)[1:] for kind in self.kinds]))
                 for tracker in self.plain.trackers}
 
     def influence(self, kind: str | None, tracker: str) -> FilterInfluence:
-        """Return what a filter changed under a kind of stress; None is without any."""
+        """Return a filter's influence under a kind of stress; without stress if it's None."""
         levels = [self.plain] if kind is None else list(self.of_kind(kind).values())
         distances, gains = [], []
         for results, name in ((results, name) for results in levels for name in results.sequences):
@@ -106,7 +106,7 @@ def evaluate_stress(
     Run every tracker, and `dcf`, over every sequence as it is and at every severity of each kind.
 
     The stress depends on `stress_seed`, not on the trackers' seeds; `kinds` are of `STRESS_KINDS`.
-    The other arguments and errors are those of `evaluate`. Problems are among those of `plain`.
+    The other arguments and errors are those of `evaluate`. `plain.problems` lists all problems.
     """
     chosen = specifications(trackers)
     if REFERENCE not in (tracker.label for tracker in chosen):
@@ -136,7 +136,7 @@ def evaluate_stress(
 
 def _of(sequences: Ordered[Sequence],
         sources: Mapping[TrackerSpecification, tuple[Results, str]]) -> Results:
-    """Return the results on some sequences, each tracker's from where it is under which label."""
+    """Return the results on some sequences; `sources` is tracker -> (its results, label there)."""
     result = Results(sequences, list(sources), next(iter(sources.values()))[0].seeds)
     for sequence, (tracker, (results, label)) in product(sequences, sources.items()):
         for seed, run in results.runs(sequence.name, label).items():

@@ -1,4 +1,4 @@
-"""Stress and what it did to the trackers, as text for a terminal and as JSON."""
+"""The results under stress, as text for a terminal and as JSON."""
 
 import math
 from typing import Any
@@ -9,7 +9,7 @@ from vtrack_ros.evaluation.table import aligned, number_text
 
 
 def stress_table(stress: StressResults) -> str:
-    """Return the AUC of each tracker at each severity, and below the mean of all kinds."""
+    """Return the AUC of each tracker at each severity; the last row is the mean of all kinds."""
     trackers = list(stress.plain.summary)
     rows = [['AUC under stress', *trackers]]
     rows.append(['plain', *(number_text(_auc(stress, tracker), 'auc') for tracker in trackers)])
@@ -23,16 +23,17 @@ def stress_table(stress: StressResults) -> str:
 
 
 def influence_table(stress: StressResults) -> str:
-    """Return in which share of the frames a tracker's box isn't that of `dcf`, and its merit."""
+    """Return the share of frames with a box elsewhere than that of `dcf`, and the median gain."""
     return aligned(influence_rows(stress))
 
 
 def stress_json(stress: StressResults) -> dict[str, Any]:
     """
-    Return the figures of stress as what JSON can hold; one that doesn't exist is null.
+    Return the figures under stress as data that can be written as JSON; an undefined one is null.
 
     `kinds` has for each kind its severities, the AUC of each tracker by severity, first `plain`,
-    and what each changed (`FilterInfluence`); `sequences` has name under stress -> tracker -> AUC.
+    and each tracker's `FilterInfluence` (`changed`); the outer `changed` is that without stress.
+    `sequences` is the name under stress -> tracker -> AUC.
     """
     trackers = list(stress.plain.trackers)
     return {
@@ -56,7 +57,7 @@ def stress_json(stress: StressResults) -> dict[str, Any]:
 
 
 def influence_rows(stress: StressResults) -> list[list[str]]:
-    """Return the rows of `influence_table`, the head first."""
+    """Return the rows of `influence_table`, the header first."""
     trackers = [tracker for tracker in stress.plain.summary if tracker != REFERENCE]
     rows = [[f'other than {REFERENCE}', *trackers]]
     for kind in (None, *stress.kinds):

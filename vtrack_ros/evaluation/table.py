@@ -37,7 +37,7 @@ def summary_table(results: Results) -> str:
 
 
 def sequence_table(results: Results, key: str = 'auc') -> str:
-    """Return one figure of each tracker on each sequence, and the mean below."""
+    """Return one figure of each tracker on each sequence; the last row is the mean."""
     trackers = list(results.summary)
     rows = [[f'{TITLES[key]} by sequence', *trackers]]
     for sequence, by_tracker in results.by_sequence.items():
@@ -47,7 +47,7 @@ def sequence_table(results: Results, key: str = 'auc') -> str:
 
 
 def aligned(rows: Ordered[Ordered[str]]) -> str:
-    """Return rows as columns: the first to the left, the others to the right, a rule below."""
+    """Return rows with columns aligned, the first left, others right; a rule below the header."""
     widths = [max(map(len, column)) for column in zip(*rows)]
     lines = ['  '.join(cell.ljust(width) if index == 0 else cell.rjust(width)
                        for index, (cell, width) in enumerate(zip(row, widths))).rstrip()
@@ -57,13 +57,13 @@ def aligned(rows: Ordered[Ordered[str]]) -> str:
 
 
 def markdown(rows: Ordered[Ordered[str]]) -> str:
-    """Return rows as a Markdown table: the first row is the head."""
+    """Return rows as a Markdown table: the first row is the header."""
     rule = ['---', *['---:'] * (len(rows[0]) - 1)]
     return '\n'.join('| ' + ' | '.join(row) + ' |' for row in [rows[0], rule, *rows[1:]])
 
 
 def number_text(value: float, key: str) -> str:
-    """Return a figure as text: three decimals for a share, three digits else, - for none."""
+    """Return a figure as text: three decimals for a share, else three digits, `-` for NaN."""
     if math.isnan(value):
         return '-'
     if key in _FRACTIONS:

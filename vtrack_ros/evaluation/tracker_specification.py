@@ -1,4 +1,4 @@
-"""Trackers as a command line names them: `gmpf`, or `gmpf:particles=40,floor=0.5`."""
+"""Trackers as written on a command line: `gmpf`, or `gmpf:particles=40,floor=0.5`."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ class TrackerSpecification:
     """
     A tracker with the parameters that differ from its defaults.
 
-    The label is what it's called in tables: the text that it was parsed from.
+    The label is its name in tables: the text that it was parsed from.
     """
 
     label: str
@@ -35,7 +35,7 @@ class TrackerSpecification:
 
 
 def parse_tracker(text: str) -> TrackerSpecification:
-    """Return what `name` or `name:parameter=value,...` spells; ValueError if that's nothing."""
+    """Parse `name` or `name:parameter=value,...`; ValueError if it isn't valid."""
     label = text.strip()
     name, _, rest = label.partition(':')
     cls = tracker_class(name)
@@ -48,7 +48,7 @@ def parse_tracker(text: str) -> TrackerSpecification:
             cls.PARAMETERS.checked({key: value}, name)
         parameters[key] = cls.PARAMETERS[key].parsed(value)
     result = TrackerSpecification(label, name, tuple(sorted(parameters.items())))
-    # what it can't be made with, or without, is said now
+    # Created once, so that invalid or missing parameters are reported now.
     result.create(0)
     return result
 
@@ -57,10 +57,10 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
     """
     Return the specifications of a comma-separated list; ValueError if it's wrong or empty.
 
-    `all` stands for the trackers of this package and of others, `papers` for the papers' methods,
-    and `peers` for OpenCV's own, as far as the OpenCV that is installed has them. In
+    `all` means the trackers of this package and of others, `papers` the papers' methods, and
+    `peers` OpenCV's own trackers, as far as the installed OpenCV has them. In
     `pf,gmpf:particles=40,floor=0.5,pqkpf` a part with `=` belongs to the tracker before it.
-    One that is named twice counts once.
+    Duplicates are dropped.
     """
     own = tracker_names(replicas=False)
     groups: dict[str, Callable[[], tuple[str, ...]]] = {

@@ -1,8 +1,8 @@
 """
-What places are painted with: textures, and a canvas in units of its own, at any resolution.
+Textures, and a canvas that backdrops are painted on in world units, at any resolution.
 
-A shape is (height, width) in pixels, and so are cells; a length of 1 has `unit` pixels.
-Pictures are float32, shape (H, W, 3), noise is float32, shape (H, W).
+Shapes (height, width) and cells of noise are in pixels; a length of 1 world unit has `unit`
+pixels. Pictures are float32, shape (H, W, 3), noise is float32, shape (H, W).
 """
 
 import cv2
@@ -25,8 +25,8 @@ def fractal_noise(
     """
     Return noise of mean 0 and deviation about 1, whose spectrum falls off like natural images'.
 
-    The largest structures have the size of a cell; each octave is weaker than the last by the
-    factor `persistence`, and the coarse ones don't depend on the resolution.
+    The largest structures have the size of a cell; the amplitude of each finer octave is
+    `persistence` times that of the one before. Coarse octaves don't depend on the resolution.
     """
     height, width = shape
     noise = np.zeros(shape, np.float32)
@@ -47,7 +47,7 @@ def fractal_noise(
 
 def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
            hue: float = 0.0) -> Picture:
-    """Return one colour whose brightness, and by a share `hue` its red, follow noise."""
+    """Return a colour; its brightness varies with noise by `contrast`, red minus blue by `hue`."""
     base = np.array(colour, np.float32)
     tint = np.array([-hue, 0.0, hue], np.float32)
     gain = 1 + contrast * noise[..., None] + tint * np.roll(noise, 7, axis=1)[..., None]
@@ -55,13 +55,13 @@ def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
 
 
 def lit(colour: Colour, gain: NDArray[np.float32]) -> Picture:
-    """Return one colour under a gain of shape (H, W)."""
+    """Return one colour multiplied by a gain of shape (H, W)."""
     return np.asarray(np.clip(np.array(colour, np.float32) * gain[..., None], 0, 255), np.float32)
 
 
 def foliage(shape: tuple[int, int], unit: float, rng: np.random.Generator, colour: Colour,
             leaf: float) -> Picture:
-    """Return leaves of a length in light and shadow."""
+    """Return leaves in light and shadow; `leaf` is their typical length in world units."""
     height, width = shape
     shade = fractal_noise(shape, 22 * unit, rng)
     picture = np.asarray(tinted(shade, colour, 0.3), np.uint8).copy()
@@ -83,7 +83,7 @@ def foliage(shape: tuple[int, int], unit: float, rng: np.random.Generator, colou
 
 def masonry(shape: tuple[int, int], unit: float, rng: np.random.Generator, colour: Colour,
             brick: tuple[float, float]) -> Picture:
-    """Return courses of bricks, tiles or planks (width, height) that differ a little."""
+    """Return courses of bricks of a (width, height), tiles or planks, of varied brightness."""
     step_x, step_y = brick[0] * unit, brick[1] * unit
     y, x = np.mgrid[:shape[0], :shape[1]].astype(np.float32)
     course = np.floor(y / step_y).astype(int)
@@ -91,7 +91,7 @@ def masonry(shape: tuple[int, int], unit: float, rng: np.random.Generator, colou
     column = np.floor((x + offset) / step_x).astype(int)
     gains = rng.normal(1, 0.09, (course.max() + 1, column.max() + 1))
     gain = gains[course, column]
-    # Joints fade out where a brick is only a few pixels high.
+    # A joint is darkest in its middle, and fades over half a unit to each side, at least 0.7 px.
     joint = np.minimum(
         np.minimum((x + offset) % step_x, step_x - (x + offset) % step_x),
         np.minimum(y % step_y, step_y - y % step_y))
@@ -101,7 +101,7 @@ def masonry(shape: tuple[int, int], unit: float, rng: np.random.Generator, colou
 
 
 class Canvas:
-    """A picture of a shape (height, width), painted smoothly in units of `unit` pixels."""
+    """A picture painted with anti-aliasing, in world units of `unit` pixels."""
 
     def __init__(self, left: float, top: float, right: float, bottom: float, unit: float,
                  colour: Colour = (128, 128, 128)) -> None:
@@ -113,11 +113,11 @@ class Canvas:
         self.picture[:] = colour
 
     def gain(self, gain: NDArray[np.float32]) -> None:
-        """Brighten or darken by factors that broadcast to its shape."""
+        """Multiply the picture by a gain that broadcasts to its shape (height, width)."""
         self.picture = np.asarray(np.clip(self.picture * gain[..., None], 0, 255), np.float32)
 
     def upright(self) -> Sprite:
-        """Return it as something that stands on its origin, without a gap."""
+        """Return it as an opaque sprite; its origin is the middle of the bottom edge."""
         pixels = np.dstack([self.picture, np.ones(self.shape, np.float32)])
         return Sprite(pixels, self.unit, -(self.right - self.left) / 2, -(self.bottom - self.top))
 
@@ -133,7 +133,7 @@ class Canvas:
 
     def ragged(self, level: float, rough: float, cell: float,
                rng: np.random.Generator) -> list[tuple[float, float]]:
-        """Return points of a line from left to right that rises and falls about a level."""
+        """Return points of a line from left to right; y is `level` +/- `rough` times noise."""
         noise = fractal_noise((1, self.shape[1]), cell * self.unit, rng)[0]
         return list(zip(self.columns()[0, ::4].tolist(), (level + rough * noise)[::4].tolist()))
 
@@ -151,7 +151,7 @@ class Canvas:
 
     def ellipse(self, x: float, y: float, width: float, height: float, paint: Colour | Picture,
                 opacity: float = 1.0, angle: float = 0.0) -> None:
-        """Paint an ellipse of a centre, a width and a height, turned by degrees."""
+        """Paint an ellipse with a centre, a width and a height, rotated by an angle in degrees."""
         turn, round_ = np.radians(angle), np.linspace(0, 2 * np.pi, 64, endpoint=False)
         dx, dy = width / 2 * np.cos(round_), height / 2 * np.sin(round_)
         xs = x + np.cos(turn) * dx - np.sin(turn) * dy
@@ -160,7 +160,7 @@ class Canvas:
 
     def line(self, points: ArrayLike, thickness: float,
              paint: Colour | Picture, opacity: float = 1.0) -> None:
-        """Paint an open line of a thickness in units; thinner than a pixel, it gets fainter."""
+        """Paint an open line of a thickness in units; below a pixel, its opacity falls instead."""
         pixels = thickness * self.unit
         part, mask, fixed = self._part(points, pixels)
         cv2.polylines(mask, [fixed], False, 255, max(1, round(pixels)), cv2.LINE_AA, _SHIFT)
@@ -168,7 +168,7 @@ class Canvas:
 
     def _part(self, points: ArrayLike, margin: float) -> tuple[
             tuple[slice, slice], NDArray[np.uint8], NDArray[np.int32]]:
-        """Return the part of the picture about some points, a mask for it, and the points."""
+        """Return the part of the picture about points, an empty mask, and the points in it."""
         pixels = (np.asarray(points, np.float64) - (self.left, self.top)) * self.unit - 0.5
         size = self.shape[::-1]
         low = np.clip(np.floor(pixels.min(axis=0) - margin - 2), 0, size).astype(int)

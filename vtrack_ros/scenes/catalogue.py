@@ -20,8 +20,8 @@ class SceneInfo:
     """
     A scene: its own size in pixels, and how many frames its story has.
 
-    `make` gives what takes as many random numbers as there are pixels a generator of its own, so
-    that motions are the same at every size.
+    Where the number of random numbers depends on the size, `make` draws them from a separate
+    (spawned) generator, so that motions are the same at every size.
     """
 
     name: str
@@ -69,7 +69,7 @@ def scene_names() -> tuple[str, ...]:
 
 
 def scene_info(name: str) -> SceneInfo:
-    """Return a scene of the catalogue; the ValueError of an unknown one lists those there are."""
+    """Return a scene of the catalogue; ValueError with a list of them if it's unknown."""
     if name not in _CATALOGUE:
         raise ValueError(f'unknown scene {name!r}; valid are ' + ', '.join(_CATALOGUE))
     return _CATALOGUE[name]
@@ -80,10 +80,10 @@ def render(name: str, size: tuple[int, int] | None = None, frames: int | None = 
     """
     Render a scene; ValueError if there's no such scene, or an argument is out of range.
 
-    Its own size in pixels, unless another from 64 x 48 to 1920 x 1080 is asked for. Speeds and
-    events are the same at any number of frames: fewer than the story has show its beginning, more
-    let it run on, backwards and forwards. The seed varies textures, clutter, small motions and
-    noise, not the story.
+    `size` in pixels is by default the scene's own, and may be from 64 x 48 to 1920 x 1080. Speeds
+    and events are the same for any number of frames: fewer than the story has show its beginning,
+    with more it is then played backwards and forwards in turn. The seed varies textures, clutter,
+    small motions and noise, not the story.
     """
     info = scene_info(name)
     width, height = (info.width, info.height) if size is None else size

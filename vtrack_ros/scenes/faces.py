@@ -89,13 +89,13 @@ def _face(skin: Colour, hair: Colour, complexion: Paint) -> Paint:
 
 def _spot(x: NDArray[np.float32], y: NDArray[np.float32], cx: float, cy: float, rx: float,
           ry: float) -> NDArray[np.float32]:
-    """Return 1 inside an ellipse, 0 outside, smooth between."""
+    """Return 1 inside an ellipse, 0 outside, with a linear transition at its rim."""
     radius = np.sqrt(((x - cx) / rx) ** 2 + ((y - cy) / ry) ** 2)
     return np.asarray(np.clip(3 * (1.15 - radius), 0, 1), np.float32)
 
 
 def nod(time: float, period: float = 37.0) -> float:
-    """Return the small angle, in radians, by which a living head is never still."""
+    """Return the small angle, in radians, by which a head moves all the time."""
     return 0.05 * math.sin(2 * math.pi * time / period) + 0.03 * math.sin(time / 3.1)
 
 

@@ -13,7 +13,7 @@ from vtrack_ros.scenes.solid import (
 from vtrack_ros.scenes.sprite import Motion, Placement, Sprite
 from vtrack_ros.scenes.stage import Actor
 
-# A step is drawn in so many pictures.
+# Number of phases of a gait cycle (two steps) that are rendered.
 _PHASES = 32
 
 
@@ -37,7 +37,7 @@ class Person:
         self._render = lru_cache(maxsize=256)(self._rendered)
 
     def sprite(self, phase: float = 0.0, yaw: float = 0.0, stride: float = 1.0) -> Sprite:
-        """Return the person; a phase of 1 is a step, a yaw of 0 the front, a stride of 0 rest."""
+        """Return the person; phase 1 is a gait cycle (two steps), yaw 0 frontal, stride 0 rest."""
         return self._render(round(phase * _PHASES) % _PHASES, round(yaw, 2), round(stride, 1))
 
     def _rendered(self, phase: int, yaw: float, stride: float) -> Sprite:
@@ -100,7 +100,7 @@ class Person:
 
 
 def shadow(width: float, height: float, unit: float, strength: float = 0.5) -> Sprite:
-    """Return the soft shadow below something, of a width and a height about the origin."""
+    """Return a soft elliptical shadow, of a width and a height, centred at the origin."""
     columns, rows = max(8, int(width * unit * 1.6)), max(6, int(height * unit * 1.6))
     y, x = np.mgrid[0:rows, 0:columns]
     radius = np.hypot((x + 0.5) / columns * 2 - 1, (y + 0.5) / rows * 2 - 1)
@@ -112,14 +112,14 @@ def shadow(width: float, height: float, unit: float, strength: float = 0.5) -> S
 def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float, *,
            stride: float = 1.0, phase: float = 0.12) -> tuple[Actor, Actor]:
     """
-    Return a person's shadow and the person, walking where x(t) and y(t) put the feet, in frames.
+    Return a person's shadow and the person, walking with the feet at x(t), y(t), t in frames.
 
-    `stride` is as in `Person.sprite`, `phase` where in a double step they are at time 0.
+    `stride` is as in `Person.sprite`, `phase` is that of the gait cycle at time 0.
     """
     times = np.arange(-4.0, duration + 4.5, 0.5)
     xs, ys = np.array([x(t) for t in times]), np.array([y(t) for t in times])
     sizes = np.array([ground.size_at(value) for value in ys])
-    # Ways towards the camera look shorter than they are.
+    # Distances towards the camera are foreshortened in y, by about this factor.
     toward = np.diff(ys) * 3.5
     paces = np.hypot(np.diff(xs), toward) / sizes[1:] / 115
     steps = np.concatenate([[0.0], np.cumsum(paces)]) / stride

@@ -1,4 +1,4 @@
-"""Rooms: what stands behind people indoors."""
+"""Indoor backdrops: a room behind people."""
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ def office(view: View, rng: np.random.Generator, size: float = 1.0) -> Canvas:
     """
     Return the wall of an office: shelf, door, window, posters, some of them skin-coloured.
 
-    A size of 1 is right for a view that is 100 high.
+    A size of 1 fits a view that is 100 units high.
     """
     canvas = view.canvas(12)
     unit = canvas.unit * size

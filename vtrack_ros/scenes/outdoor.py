@@ -1,4 +1,4 @@
-"""Places in the open: a park, a football pitch, a shopping street, a road, a town in hills."""
+"""Backdrops of places: a park, a football pitch, a shopping arcade, a road, a town in hills."""
 
 from dataclasses import dataclass
 
@@ -17,9 +17,10 @@ _WALLS: tuple[Colour, ...] = (
 @dataclass(frozen=True)
 class Ground:
     """
-    A level ground in perspective, up to the y of the horizon; x of the vanishing point: `middle`.
+    A level ground in perspective; `horizon` is its y, `middle` the x of the vanishing point.
 
-    `scale` is how high a person 100 units tall appears per unit below the horizon, in hundreds.
+    `scale` is the size factor of things (see `size_at`) per unit of y below the horizon; a person
+    100 units tall appears 100 times the size factor high.
     """
 
     horizon: float
@@ -27,11 +28,11 @@ class Ground:
     middle: float
 
     def size_at(self, y: float) -> float:
-        """Return how large things are that stand at y."""
+        """Return the size factor of things that stand at y."""
         return self.scale * max(1.0, y - self.horizon)
 
     def plane(self, canvas: Canvas) -> tuple[Array, Array]:
-        """Return the ground's coordinates (across, away), in units of a thing of size 1."""
+        """Return each pixel's ground coordinates (across, away), in units at size factor 1."""
         below = np.maximum(canvas.rows() - self.horizon, 0.4).astype(np.float64)
         size = self.scale * below
         across = (canvas.columns() - self.middle) / size
@@ -41,7 +42,7 @@ class Ground:
 
 def tiles(canvas: Canvas, ground: Ground, edge: float, contrast: float,
           rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return the gain of square tiles of an edge on the ground; they fade in the distance."""
+    """Return the gain of square tiles of an edge length on the ground; distant ones fade."""
     across, away = ground.plane(canvas)
     column, row = np.floor(across / edge).astype(int), np.floor(away / edge).astype(int)
     table = rng.normal(0, 1, (61, 67))
@@ -58,7 +59,7 @@ def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
     across, away = ground.plane(canvas)
     noise = fractal_noise((512, 512), 64, rng, 0.75)
     u, v = np.abs(across / cell * 64 + 300), np.abs(away / cell * 64)
-    # There and back again, so that no seam shows.
+    # The noise is repeated mirrored, so that no seam shows.
     columns, rows = (np.abs(w.astype(int) % 1022 - 511) for w in (u, v))
     far = noise[rows, columns]
     flat = fractal_noise(canvas.shape, 3 * canvas.unit, rng, 0.8)
@@ -66,7 +67,7 @@ def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
 
 
 def park(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
-    """Return a meadow before a hedge, trees and a wall, with a path across."""
+    """Return a meadow in front of a hedge, trees and a wall, with a path across."""
     canvas = view.canvas(12)
     unit, span = canvas.unit, view.base_height / 240
     leaves = foliage(canvas.shape, unit * span, rng, (40, 88, 66), 3.2)
@@ -185,7 +186,7 @@ def sky(canvas: Canvas, rng: np.random.Generator) -> Picture:
 
 def house(canvas: Canvas, left: float, top: float, right: float, bottom: float,
           wall: Picture, colour: Colour, storey: float, rng: np.random.Generator) -> None:
-    """Paint the front of a house: a wall whose texture takes on a colour, and its windows."""
+    """Paint the front of a house: a textured wall tinted by a colour, and its windows."""
     canvas.rectangle(left, top, right, bottom, wall)
     canvas.rectangle(left, top, right, bottom, colour, 0.6)
     canvas.rectangle(left - 0.1 * storey, top - 0.12 * storey, right + 0.1 * storey,
@@ -204,7 +205,7 @@ def house(canvas: Canvas, left: float, top: float, right: float, bottom: float,
 
 
 def road(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
-    """Return a road that comes out of the distance between houses and trees."""
+    """Return a road from the vanishing point towards the viewer, between houses and trees."""
     canvas = view.canvas(14)
     unit, far = canvas.unit, ground.middle
     canvas.picture[:] = sky(canvas, rng)
@@ -235,7 +236,7 @@ def road(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
 
     def strip(from_: float, to: float, paint: Picture | Colour, opacity: float = 1.0,
               start: float = 0.03, end: float = 1.0) -> None:
-        """Paint a strip along the road, between two slopes against the direction of view."""
+        """Paint a strip along the road, between two slopes dx / dy from the vanishing point."""
         canvas.polygon([(far + slope * at * depth, ground.horizon + at * depth)
                         for slope, at in ((from_, start), (to, start), (to, end), (from_, end))],
                        paint, opacity)
@@ -254,7 +255,7 @@ def road(view: View, ground: Ground, rng: np.random.Generator) -> Canvas:
 
 
 def valley(view: View, rng: np.random.Generator, reach: float) -> Canvas:
-    """Return hills, woods and a town under the sky, `reach` wider than the view to the right."""
+    """Return hills, woods and a town under the sky, reaching `reach` beyond the view's right."""
     canvas = Canvas(view.left - 50, view.top - 50, view.right + reach + 50, view.bottom + 50,
                     view.unit)
     unit = canvas.unit

@@ -12,7 +12,7 @@ from vtrack_ros.scenes.stage import Actor, FilmCamera, Light, Scene, View
 
 
 def handheld(rng: np.random.Generator, amount: float) -> FilmCamera:
-    """Return a camera held in hands that shake by an amount, in world units."""
+    """Return a hand-held camera that shakes by an amount, in world units."""
     x, y, turn = unrest(rng, amount, 30), unrest(rng, amount, 24), unrest(rng, 0.002 * amount, 40)
     return FilmCamera(lambda time: Placement(x(time), y(time), 1.0, turn(time)))
 
@@ -72,7 +72,7 @@ def similar_occlusion(view: View, rng: np.random.Generator) -> Scene:
 
 
 def football(view: View, rng: np.random.Generator) -> Scene:
-    """Return a player among players: covered at frames 58 to 76, in shade from frame 85 on."""
+    """Return a player among players: half covered in frames 58 to 77, in shade from 85 on."""
     ground = Ground(20, 0.005, 200)
     backdrop = outdoor.pitch(view, ground, rng.spawn(1)[0])
     team = [Person(view.unit, rng, shirt=(170, 70, 40), stripe=(215, 215, 215), upright=True,
@@ -136,7 +136,7 @@ def distractor_cross(view: View, rng: np.random.Generator) -> Scene:
     deep = keyframes((0, 192), (45, 190), (100, 184), (130, 176))
     double_shade, passer = walker(double, ground, cross, deep, 130, phase=0.5)
     far = walker(other, ground, keyframes((0, 300), (130, 120)), lambda time: 134, 130)
-    # Who is nearer comes last; they change places half-way, when they are far apart.
+    # The nearer person must be drawn last; the order changes at frame 72, when they are far apart.
     away = Placement(-4000, -4000)
     before = Actor(lambda time: passer.placement(time) if time < 72 else away, passer.sprite)
     after = Actor(lambda time: passer.placement(time) if time >= 72 else away, passer.sprite)
@@ -145,7 +145,7 @@ def distractor_cross(view: View, rng: np.random.Generator) -> Scene:
 
 
 def leave_and_return(view: View, rng: np.random.Generator) -> Scene:
-    """Return a walker who leaves the image to the right and comes back there 30 frames later."""
+    """Return a walker who leaves the image to the right and comes back there 40 frames later."""
     ground = Ground(75, 0.0068, 160)
     backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
     target = Person(view.unit * 1.2, rng, shirt=(60, 140, 190), stripe=(50, 60, 70),
@@ -178,7 +178,7 @@ def scale_change(view: View, rng: np.random.Generator) -> Scene:
 
 
 def low_light_noise(view: View, rng: np.random.Generator) -> Scene:
-    """Return a walker at night, between the light of lamps, in a camera that hardly sees."""
+    """Return a walker at night, between the light of lamps, filmed by a dark and noisy camera."""
     ground = Ground(75, 0.0068, 160)
     backdrop = outdoor.arcade(view, ground, rng.spawn(1)[0])
     target = Person(view.unit * 1.2, rng, shirt=(70, 120, 150), trousers=(90, 80, 70))

@@ -1,4 +1,4 @@
-"""Rounded solids, lit and seen from the front: what heads and bodies are made of."""
+"""Ellipsoids, lit and rendered from the front, that heads and bodies are made of."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -57,7 +57,7 @@ def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> Array:
 
 
 def render(solids: Sequence[Ellipsoid], turn: Array, unit: float, ambient: float = 0.5) -> Sprite:
-    """Return the picture of turned solids, without perspective; `ambient` lights the shadows."""
+    """Return rotated solids in orthographic projection; `ambient` is the ambient light's share."""
     solids = [replace(solid, centre=turn @ solid.centre, axes=turn @ solid.axes)
               for solid in solids]
     extents = [np.linalg.norm(solid.axes[:2], axis=1) for solid in solids]
@@ -66,7 +66,7 @@ def render(solids: Sequence[Ellipsoid], turn: Array, unit: float, ambient: float
     margin = 2 / unit
     left, top = lows.min(axis=0) - margin
     columns, rows = np.ceil((highs.max(axis=0) + margin - (left, top)) * unit).astype(int)
-    # Finer than the sprite, so that outlines become smooth.
+    # Supersampling: rendered at a finer resolution than the sprite's, for smooth outlines.
     area = columns * rows
     fine = 3 if area < 40_000 else 2 if area < 250_000 else 1
     step = 1 / (unit * fine)
@@ -102,7 +102,7 @@ def _cast(solid: Ellipsoid, colour: NDArray[np.float32], depth: NDArray[np.float
     normal = local @ inverse
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     lit = np.clip(normal @ _LIGHT, 0, 1)
-    # Grazing views are darker, as soft light from all round is partly hidden there.
+    # Surfaces at grazing angles are darker, as ambient light is partly occluded there.
     rim = 0.72 + 0.28 * np.clip(normal[:, 2], 0, 1)
     shade = (ambient + (1 - ambient) * 1.25 * lit) * rim
     colour[hit, :3] = np.clip(solid.paint(local) * shade[:, None], 0, 255)
@@ -111,7 +111,7 @@ def _cast(solid: Ellipsoid, colour: NDArray[np.float32], depth: NDArray[np.float
 
 
 def surface(rng: np.random.Generator, cell: float, stretch: float = 1.0) -> Paint:
-    """Return noise on the sphere, of a cell in radians, stretched along the meridians."""
+    """Return noise on the sphere with a cell in radians, stretched by a factor along meridians."""
     noise = fractal_noise((256, 512), cell * (256 / math.pi), rng, 0.7)
     if stretch > 1:
         noise = np.asarray(cv2.resize(noise[:int(256 / stretch)], (512, 256)), np.float32)
@@ -127,7 +127,7 @@ def surface(rng: np.random.Generator, cell: float, stretch: float = 1.0) -> Pain
 
 
 def plain(colour: Colour, grain: Paint | None = None, contrast: float = 0.1) -> Paint:
-    """Return a paint of one colour, a little uneven."""
+    """Return a paint of one colour, whose brightness varies with the grain by `contrast`."""
     base = np.array(colour, np.float32)
 
     def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:

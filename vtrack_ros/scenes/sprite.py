@@ -1,4 +1,4 @@
-"""Things with an outline: where they stand, and how they move."""
+"""Sprites: pictures with an alpha channel, their placement and their motion."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Motion = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a sprite stands in the world, how large and how turned (clockwise, in radians)."""
+    """A sprite's position in the world, scale and rotation angle (clockwise, in radians)."""
 
     x: float
     y: float
@@ -42,7 +42,7 @@ def compose(outer: Affine, inner: Affine) -> Affine:
 @dataclass(frozen=True, eq=False)
 class Sprite:
     """
-    A picture, (H, W, 4), of blue, green, red times alpha, 0 to 255, and alpha, 0 to 1.
+    A picture, (H, W, 4): blue, green, red, 0 to 255, premultiplied by alpha; and alpha, 0 to 1.
 
     A length of 1 has `unit` pixels; `left` and `top` are the picture's top-left corner.
     """
@@ -88,7 +88,7 @@ class Sprite:
         pixels = self._levels[level]
         ratio_x = self.pixels.shape[1] / pixels.shape[1] / self.unit
         ratio_y = self.pixels.shape[0] / pixels.shape[0] / self.unit
-        # OpenCV counts from the centre of the first pixel, we from its corner.
+        # OpenCV's origin is the centre of the first pixel, ours its corner.
         to_sprite = np.array([[ratio_x, 0, self.left + 0.5 * ratio_x],
                               [0, ratio_y, self.top + 0.5 * ratio_y]])
         to_window = np.array([[1, 0, -bounds[0] - 0.5], [0, 1, -bounds[1] - 0.5]])
@@ -98,7 +98,7 @@ class Sprite:
 
 
 def mapped_bounds(outline: Array, matrix: Affine) -> tuple[float, ...]:
-    """Return the x, y, width and height of an outline that `matrix` maps."""
+    """Return x, y, width and height of the bounding box of an outline mapped by `matrix`."""
     mapped = outline @ matrix[:, :2].T + matrix[:, 2]
     low, high = mapped.min(axis=0), mapped.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0] - low[0]), float(high[1] - low[1])
@@ -110,7 +110,7 @@ def _crossings(alpha: Array) -> Array:
     rows = np.flatnonzero(inside.any(axis=1))
     first = inside[rows].argmax(axis=1)
     last = inside.shape[1] - 1 - inside[rows, ::-1].argmax(axis=1)
-    # The value of a pixel stands at its centre; -1 undoes the padding.
+    # A pixel's value is that at its centre, at + 0.5; - 1 undoes the padding.
     before, at = alpha[rows, first - 1], alpha[rows, first]
     x_first = first - 0.5 - (at - 0.5) / (at - before)
     before, at = alpha[rows, last + 1], alpha[rows, last]
@@ -120,8 +120,9 @@ def _crossings(alpha: Array) -> Array:
 
 
 def keyframes(*points: tuple[float, float]) -> Motion:
-    """Return a smooth motion through (time, value) points, without overshoot; it rests outside."""
-    # Takes as long to load as all else that the tools need, and many of them show no scene.
+    """Return a smooth motion through (time, value) points, without overshoot; constant outside."""
+    # Imported here, as it takes as long to load as all else that the tools need, and many of them
+    # render no scene.
     from scipy.interpolate import PchipInterpolator
     times, values = zip(*points)
     curve = PchipInterpolator(times, values)
@@ -129,13 +130,13 @@ def keyframes(*points: tuple[float, float]) -> Motion:
 
 
 def stepwise(*points: tuple[float, float]) -> Motion:
-    """Return a motion that goes from one value to the next between their times, evenly."""
+    """Return the linear interpolation of (time, value) points; constant outside."""
     times, values = zip(*points)
     return lambda time: float(np.interp(time, times, values))
 
 
 def unrest(rng: np.random.Generator, amplitude: float, period: float) -> Motion:
-    """Return a motion about 0 that never quite repeats: a sum of sines of about a period."""
+    """Return an irregular motion about 0: a sum of sines of 0.35 to 1.6 times a period."""
     periods = period * rng.uniform(0.35, 1.6, 5)
     phases = rng.uniform(0, 2 * math.pi, 5)
     parts = [(amplitude * 0.63 * math.sqrt(size / period), 2 * math.pi / size, phase)

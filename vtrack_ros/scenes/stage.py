@@ -1,4 +1,4 @@
-"""A scene put together and filmed: backdrop, actors, camera and light become frames."""
+"""A scene and its rendering: backdrop, actors, camera and light become frames."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -13,16 +13,17 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.sprite import Affine, compose, mapped_bounds, Placement, Sprite
 
-#: Below this part of the target in sight it counts as absent.
+#: Visible share of the target below which it counts as absent.
 VISIBLE = 0.1
 
 
 @dataclass(frozen=True)
 class View:
     """
-    What a film of width x height pixels shows: at least (0, 0) to (base_width, base_height).
+    The part of the world in a frame of width x height pixels.
 
-    At another aspect ratio than the base's more of the world is seen on two sides.
+    It is at least (0, 0) to (base_width, base_height); more is seen on two opposite sides if the
+    frame's aspect ratio is another one.
     """
 
     width: int
@@ -32,7 +33,7 @@ class View:
 
     @property
     def unit(self) -> float:
-        """Return how many pixels a length of 1 has."""
+        """Return the number of pixels per world unit."""
         return min(self.width / self.base_width, self.height / self.base_height)
 
     @property
@@ -63,7 +64,7 @@ class View:
 
 @dataclass(frozen=True)
 class Actor:
-    """Something before the backdrop; place and look depend on the time in frames."""
+    """An object before the backdrop; its placement and sprite depend on the time in frames."""
 
     placement: Callable[[float], Placement]
     sprite: Callable[[float], Sprite]
@@ -72,10 +73,11 @@ class Actor:
 @dataclass(frozen=True)
 class FilmCamera:
     """
-    What films the scene; its motion is an offset of the view, and a scale above 1 sees more.
+    The camera; its motion is the view's offset, rotation and scale (above 1 it sees more).
 
-    The exposure is in frames, the noise the standard deviation at full brightness, of 255 (a third
-    of it in the dark), the softness the lens's blur in pixels at one pixel per world unit.
+    `exposure` is in frames. `noise` is roughly the noise's standard deviation at full brightness,
+    in levels of 0 to 255; in the dark it's a third of that. `softness` is the standard deviation
+    of the lens's blur in pixels, at one pixel per world unit.
     """
 
     motion: Callable[[float], Placement] = field(default=lambda time: Placement(0, 0))
@@ -86,7 +88,7 @@ class FilmCamera:
 
 @dataclass(frozen=True)
 class Light:
-    """How bright it is at a time: factors of blue, green and red, and one at each place (x, y)."""
+    """Gains at a time: `colour` for (blue, green, red), and `field` at each place (x, y)."""
 
     colour: Callable[[float], tuple[float, float, float]] = field(
         default=lambda time: (1.0, 1.0, 1.0))
@@ -96,7 +98,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Scene:
-    """All that's filmed: actors from back to front, one of which is the target."""
+    """All that's filmed: actors from back to front; `target` is the target's index in them."""
 
     view: View
     backdrop: Canvas
@@ -111,8 +113,9 @@ class SceneFrame:
     """
     A rendered frame, uint8, shape (H, W, 3), and the truth about it.
 
-    The outline's bounds are the whole target's in the middle of the exposure, hidden or not; so is
-    the truth, but None while less than a tenth of the target is in sight, as the visibility says.
+    `outline` is the bounding box of the whole target in the middle of the exposure, hidden or not.
+    `visibility` is the visible share of the target; `truth` is the outline, or None while less
+    than a tenth of the target is visible.
     """
 
     frame: NDArray[np.uint8]
@@ -141,7 +144,7 @@ def _world_to_image(scene: Scene, time: float) -> Affine:
 
 
 def _exposed(scene: Scene, time: float) -> NDArray[np.float32]:
-    """Let backdrop and actors shine on the sensor while the shutter is open."""
+    """Return the picture of backdrop and actors, averaged over the exposure (motion blur)."""
     half = scene.camera.exposure / 2
     picture = np.zeros((scene.view.height, scene.view.width, 3), np.float32)
     matrices = _exposure(lambda when: _world_to_image(scene, when), time, half)
@@ -154,7 +157,7 @@ def _exposed(scene: Scene, time: float) -> NDArray[np.float32]:
 
 
 def _exposure(matrix: Callable[[float], Affine], time: float, half: float) -> list[Affine]:
-    """Return the maps at so many moments that no step is longer than a pixel."""
+    """Return the maps at moments of the exposure, less than a pixel apart, but 24 at most."""
     before, after = matrix(time - half), matrix(time + half)
     probes = np.array([[0.0, 0.0, 1.0], [80.0, 0.0, 1.0], [0.0, 80.0, 1.0]])
     steps = min(24, 2 + int(1.3 * float(np.abs((after - before) @ probes.T).max())))
@@ -205,13 +208,13 @@ def _developed(scene: Scene, picture: NDArray[np.float32], time: float,
         gain = np.broadcast_to(scene.light.field(time, x, y), (rows, columns))
         picture *= cv2.resize(gain.astype(np.float32), (view.width, view.height),
                               interpolation=cv2.INTER_LINEAR)[..., None]
-    # Finer sensors resolve more, but not all of it.
+    # The blur in pixels grows with the resolution, but less than in proportion.
     sigma = scene.camera.softness * view.unit ** 0.4
     if sigma > 0.25:
         picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.float32)
     picture = np.clip(picture, 0, 255)
     grain = rng.standard_normal(picture.shape, np.float32)
-    # Demosaicing and compression leave neighbouring pixels' noise alike, and little colour in it.
+    # Noise correlated between neighbouring pixels and colours, as after demosaicing, compression.
     grain = 0.75 * grain.mean(axis=2, keepdims=True) * np.float32(math.sqrt(3)) + 0.65 * grain
     grain = np.asarray(cv2.GaussianBlur(grain, (0, 0), 0.55), np.float32) * np.float32(1.7)
     spread = scene.camera.noise * np.sqrt(0.1 + 0.9 * picture / 255)

@@ -12,7 +12,7 @@ from vtrack_ros.scenes.sprite import keyframes, Motion, Placement, Sprite, unres
 from vtrack_ros.scenes.stage import Actor, FilmCamera, Scene, View
 from vtrack_ros.scenes.vehicle import Car, Helicopter
 
-# How many world units a metre has on a thing of size 1.
+# World units per metre, at size factor 1.
 _METRE = 24.0
 
 
@@ -40,7 +40,7 @@ def _post(unit: float, height: float) -> Sprite:
 
 
 def car_approach(view: View, rng: np.random.Generator) -> Scene:
-    """Return a car that comes near and grows fourfold, behind a lamp post, among its likes."""
+    """Return a car that comes near and grows fourfold, behind a lamp post, among similar cars."""
     ground = Ground(84, 0.0125, 140)
     backdrop = outdoor.road(view, ground, rng.spawn(1)[0])
     near = 2.1 * _METRE * view.unit
@@ -102,7 +102,7 @@ def helicopter(view: View, rng: np.random.Generator) -> Scene:
                   lambda time: machine.rotor(time, pitch(time)))
     stack = _chimney(view, 26, 190, rng.spawn(1)[0])
     middle = place(281.5).x
-    # Whoever films follows late, and not steadily.
+    # The camera follows with a delay (7 frames in x, 9 in y), and shakes.
     late_x = keyframes(*((float(t), x(max(0, t - 7)) - 160) for t in range(0, 790, 12)))
     late_y = keyframes(*((float(t), 0.35 * (y(max(0, t - 9)) - 110)) for t in range(0, 790, 12)))
     shake_x, shake_y = unrest(rng, 5, 45), unrest(rng, 4, 36)

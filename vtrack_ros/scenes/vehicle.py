@@ -66,7 +66,7 @@ class Car:
 
 
 def _car_faces(colour: Colour) -> list[_Face]:
-    """Return polygons whose corners run round their outward normal, from back to front."""
+    """Return the car's faces in the order of painting; normals point outward (see `_face`)."""
     dark: Colour = (28, 28, 30)
     faces: list[_Face] = []
     for end in (-1, 1):
@@ -97,7 +97,7 @@ def _car_faces(colour: Colour) -> list[_Face]:
 
 
 def _face(corners: list[_Point], outward: _Point, colour: Colour) -> _Face:
-    """Return a face whose corners run so that its normal points outward."""
+    """Return a face, its corners ordered so that its normal points outward."""
     normal = np.cross(*np.diff(np.array(corners)[:3], axis=0))
     return (corners if normal @ np.array(outward) > 0 else corners[::-1]), colour
 
@@ -108,7 +108,7 @@ def _upright(x0: float, x1: float, y0: float, y1: float, z: float) -> list[_Poin
 
 def _across(profile: tuple[tuple[float, float], ...], level: Colour,
             steep: Colour) -> list[_Face]:
-    """Return the faces that join the two sides of an outline; those that rise have a colour."""
+    """Return the faces between the two sides of an outline, in the colours `level` or `steep`."""
     faces = []
     for (z0, y0), (z1, y1) in zip(profile, profile[1:]):
         wide0, wide1 = (0.66 if y > 1.2 else 0.855 for y in (y0, y1))
@@ -119,7 +119,7 @@ def _across(profile: tuple[tuple[float, float], ...], level: Colour,
 
 
 class Helicopter:
-    """A helicopter about 5 units long, its origin in the cabin; its rotor is a sprite apart."""
+    """A helicopter about 5 units long, its origin in the cabin; the rotor is another sprite."""
 
     def __init__(self, unit: float, rng: np.random.Generator) -> None:
         self._unit = unit
@@ -150,7 +150,7 @@ class Helicopter:
         return render(self._parts, turn, self._unit, 0.45)
 
     def rotor(self, time: float, pitch: float) -> Sprite:
-        """Return the rotor's blur, seen as flat as the pitch in radians makes it."""
+        """Return the blurred rotor disc at a time, foreshortened by the pitch in radians."""
         radius, unit = 3.0, self._unit
         size = int(2 * radius * unit)
         y, x = (np.mgrid[0:size, 0:size].astype(np.float32) + 0.5) / unit - radius
