@@ -1,4 +1,4 @@
-"""What DDS reads from the environment, its shared memory, and how a process leaves it."""
+"""DDS: its settings in the environment, its shared memory, and leaving it."""
 
 from collections.abc import Mapping
 import ctypes
@@ -11,18 +11,19 @@ import threading
 from typing import Any
 import warnings
 
-#: What Fast DDS reads the profile's path from: the old and the new name.
+#: Environment variables that Fast DDS reads the profile's path from: the old and the new name.
 VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 #: The profile, and its variant with less memory for a process that sends no images.
 PROFILE, RECEIVING = 'fastdds.xml', 'fastdds_node.xml'
-#: Where processes of one machine share memory.
+#: The folder of the shared memory of a machine's processes.
 SHARED_MEMORY = Path('/dev/shm')
 
+#: Port of domain 0, by domain_coordinator's convention.
 _FIRST_PORT = 32768
 _DOMAINS = range(1, 101)
-#: How long a node may take to leave DDS, in seconds: a tenth of one is usual.
+#: Time-out for a node to leave DDS, in seconds; a tenth of a second is usual.
 _PATIENCE = 3.0
-#: Nodes that hang in DDS: whoever freed them would hang as well.
+#: Nodes that hang in DDS; they're kept here, for freeing them would hang as well.
 _hanging: list[Any] = []
 
 
@@ -43,8 +44,8 @@ def receiving_profile(environment: Mapping[str, str]) -> dict[str, str]:
     """
     Return the environment for a process that sends no images.
 
-    Fast DDS takes the whole segment into memory at once, 64 MiB with our profile; who only
-    receives images needs a quarter of that. Profiles other than ours are left as they are.
+    Fast DDS takes the whole segment into memory at once, 64 MiB with our profile; a process that
+    only receives images needs a quarter of that. Profiles other than ours are left as they are.
     """
     result = dict(environment)
     for name in VARIABLES:
@@ -64,10 +65,10 @@ def with_profile(environment: Mapping[str, str]) -> dict[str, str]:
 
 def abandoned_memory(folder: Path) -> int:
     """
-    Return how much of a folder, in bytes, is left of Fast DDS's processes that were killed.
+    Return how many bytes of a folder are segments of Fast DDS left behind by killed processes.
 
-    Each of its segments has a file that its process holds a lock on, by which its own command
-    `fastdds shm clean` tells too which of them nobody uses any more.
+    Each segment has a file that its process holds a lock on; without the lock the segment isn't
+    used any more, as Fast DDS's own command `fastdds shm clean` tells, too.
     """
     total = 0
     for guard in folder.glob('fastrtps_*_el'):
@@ -84,11 +85,11 @@ def abandoned_memory(folder: Path) -> int:
 
 def reserve_domain() -> socket.socket:
     """
-    Take a DDS domain that nobody else on this machine has, for this process and its children.
+    Take a DDS domain that is free on this machine, for this process and its children.
 
-    By the convention of ROS's own domain_coordinator: whoever holds the domain's port has the
-    domain, until the returned socket is closed or the process ends. RuntimeError if all domains
-    from 1 to 100 are taken.
+    By the convention of ROS's own domain_coordinator, the process that holds the domain's port has
+    the domain, until the returned socket is closed or the process ends. RuntimeError if all
+    domains from 1 to 100 are taken.
     """
     for domain in _DOMAINS:
         guard = socket.socket()
@@ -105,17 +106,17 @@ def reserve_domain() -> socket.socket:
 
 def leave(node: Any) -> None:
     """
-    Destroy a node of rclpy; where DDS doesn't let it go, `end_process` ends it.
+    Destroy a node of rclpy; if that hangs in DDS, `end_process` ends the process.
 
-    Fast DDS as in the wheels of PyPI never comes back if it hears of another process's departure
-    just as it takes down its participant: its `set_listener` waits for the end of that callback,
-    which waits for the mutex that it holds, for a libstdc++ without `pthread_cond_clockwait` can't
-    wait until the end of time. rclpy destroys nodes with Python's lock held, too, so that nothing
-    else would run; so the last step is asked of rcl itself, in another thread.
+    Fast DDS as in the wheels of PyPI hangs if it's notified of another process's departure just as
+    it takes down its participant: its `set_listener` waits for the end of that callback, which
+    waits for the mutex that `set_listener` holds, for a libstdc++ without `pthread_cond_clockwait`
+    can't wait until the largest point in time. rclpy destroys nodes with Python's global lock
+    held, so that no other thread would run; so the last step is a call of rcl in another thread.
     """
     rcl = ctypes.CDLL('librcl.so', mode=os.RTLD_NOW | os.RTLD_NOLOAD)
     handle = node.handle
-    # In use, it's not destroyed with what belongs to it.
+    # While the handle is in use, `destroy_node` destroys what belongs to it, but not the node.
     handle.__enter__()
     node.destroy_node()
     pointer = ctypes.c_void_p(handle.pointer)
@@ -127,14 +128,14 @@ def leave(node: Any) -> None:
         _hanging.append(node)
         _give_memory_back()
     else:
-        # Now there's nothing left to destroy, which rclpy finds strange.
+        # The node is destroyed already, of which rclpy warns.
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', RuntimeWarning)
             handle.__exit__(None, None, None)
 
 
 def end_process(code: int) -> int:
-    """Return an exit code, or exit with it at once if a node hangs in DDS for ever."""
+    """Return the exit code, or exit with it at once if a node hangs in DDS."""
     if _hanging:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -143,7 +144,7 @@ def end_process(code: int) -> int:
 
 
 def _give_memory_back() -> None:
-    """Remove this process's segments: those whose locks it holds."""
+    """Remove this process's segments of shared memory: those whose lock files it has open."""
     for descriptor in Path('/proc/self/fd').iterdir():
         try:
             guard = descriptor.readlink()

@@ -1,4 +1,4 @@
-"""Pictures of what a tracker does: box, truth, particles, trail, and sheets and videos of them."""
+"""Drawing a tracker's output: box, truth, particles and trail, and contact sheets and videos."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Estimate, Frame, TrackState
 
-#: What the pictures of a run are called.
+#: Names of the files of a run.
 VIDEO_FILE, SHEET_FILE = 'video.mp4', 'contact_sheet.png'
 #: Colours, in BGR.
 TRUTH = (255, 255, 255)
@@ -27,21 +27,21 @@ STATES = {
     TrackState.SEARCHING: (0, 160, 255),
     TrackState.LOST: (60, 60, 230),
 }
-#: Fixed-point bits of the coordinates, so that lines lie between pixels too.
+#: Fractional bits of OpenCV's fixed-point coordinates, for subpixel accuracy.
 _BITS = 4
-#: Pictures are enlarged by whole factors up to this longer side, about.
+#: Longer side, in pixels, that small pictures are enlarged to, about, by an integer factor.
 _LEGIBLE = 480
-#: How many pictures a sheet has, and how many places a trail.
+#: Largest number of pictures on a contact sheet, and of positions in a trail.
 _SHEET, _TRAIL = 16, 60
-#: The radius of a Gaussian's 90 % ellipse.
+#: Radius of a two-dimensional Gaussian's 90 % ellipse, in standard deviations.
 _RADIUS = math.sqrt(-2 * math.log(0.1))
 
 
 class AnnotatedFrame:
     """
-    A picture of a frame, to draw on in pixels of the frame, which isn't changed.
+    A copy of a frame to draw on, in coordinates of the frame [px].
 
-    A small one is enlarged until it can be read, if `enlarge` says so.
+    With `enlarge` a small one is enlarged to be legible.
     """
 
     def __init__(self, frame: Frame, enlarge: bool = True) -> None:
@@ -65,7 +65,7 @@ class AnnotatedFrame:
 
     def ellipse(self, box: Box, covariance: Array,
                 colour: tuple[int, int, int]) -> None:
-        """Draw the ellipse that holds the centre with 90 %; the covariance is (>= 2, >= 2)."""
+        """Draw the 90 % confidence ellipse of the centre; covariance of shape (>= 2, >= 2)."""
         values, vectors = np.linalg.eigh(covariance[:2, :2])
         axes = vectors * (_RADIUS * np.sqrt(np.maximum(values, 0)))
         turns = np.linspace(0, 2 * np.pi, 32, endpoint=False)
@@ -79,13 +79,13 @@ class AnnotatedFrame:
                        cv2.LINE_AA, _BITS)
 
     def trail(self, centers: Collection[tuple[float, float]]) -> None:
-        """Draw the way that the target took."""
+        """Draw the target's path."""
         if len(centers) > 1:
             self._lines(np.array(list(centers)), TRAIL, 1, closed=False)
 
     def text(self, text: str, colour: tuple[int, int, int] = TRUTH) -> None:
         """Write a line into the top left corner."""
-        # Thick letters are wider ones in OpenCV 5: the edge is of thin ones all around.
+        # In OpenCV 5 thicker text is also wider, so the outline is thin text at 8 offsets.
         around = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y]
         for (x, y), shade in (*((place, (0, 0, 0)) for place in around), ((0, 0), colour)):
             cv2.putText(self.picture, text, (6 + x, 18 + y), cv2.FONT_HERSHEY_SIMPLEX, 0.5, shade,
@@ -103,7 +103,7 @@ class AnnotatedFrame:
             self.ellipse(estimate.box, estimate.covariance, colour)
 
     def _fixed(self, points: Array) -> NDArray[np.int32]:
-        # A box may lie anywhere: beyond these bounds OpenCV's integers would overflow.
+        # A box may be anywhere: beyond this bound OpenCV's integers would overflow.
         limit = 1e6
         scaled = np.clip(np.nan_to_num(points), -limit, limit) * self._scale - 0.5
         return np.asarray(np.round(scaled * (1 << _BITS)), np.int32)
@@ -128,11 +128,11 @@ class Film:
     """
     The pictures of a run, in a folder: a video of all and a sheet of some; a context manager.
 
-    Pictures of another size than the first one's are fitted into it. After an error there is no
-    video: half of one looks like a whole one.
+    Pictures of another size than the first one's are resized to it. After an error the video is
+    removed, for an incomplete one looks like a complete one.
 
-    `rate` is in frames per second, `count` how many frames there are, at most; a file that can't
-    be written is an OSError.
+    `rate` is in frames per second, `count` the largest number of frames; a file that can't be
+    written is an OSError.
     """
 
     def __init__(self, folder: Path, rate: float, count: int) -> None:
@@ -156,7 +156,7 @@ class Film:
             if kind is not None:
                 video.unlink(missing_ok=True)
             elif 0 <= cv2.VideoCapture(str(video)).get(cv2.CAP_PROP_FRAME_COUNT) < self._index:
-                # The writer itself says nothing of what it could not write, as on a full disk.
+                # The writer itself doesn't report failed writes, as on a full disk.
                 raise OSError(f'the video {video.name} is incomplete')
         if self._sheet and kind is None and not cv2.imwrite(
                 str(sheet), contact_sheet(self._sheet)):
@@ -168,8 +168,8 @@ class Film:
         """
         Append a frame, with its number, a text and all that is known of it drawn over it.
 
-        Where the estimate is measured, its centre goes on the trail; `particles`, shape (N, >= 2),
-        are centres that aren't in it.
+        If the estimate is measured, its centre is added to the trail; `particles`, shape
+        (N, >= 2), are centres besides the estimate's own.
         """
         picture = AnnotatedFrame(frame)
         if particles is not None:

@@ -1,4 +1,4 @@
-"""The one table that parameters come from: type, default, range, unit and description."""
+"""Tables of parameters: the one source of type, default, range, unit and description."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-#: What a parameter may hold.
+#: The types of a parameter's value.
 Value = bool | int | float | str
 
 
@@ -16,10 +16,10 @@ class Parameter:
     """
     One parameter: everything that a node, a command line or a manual has to know about it.
 
-    Its type is the default's, its description a sentence for a person. A number has a closed range
+    Its type is the default's, its description a sentence for the user. A number has a closed range
     and a unit such as ``px``, empty where it has none; `choices` are the valid values, empty where
-    any of the type and in the range will do. A dynamic one may change while the tracker runs.
-    `check` raises a ValueError at a value of that type and range that still won't do.
+    any value of the type and in the range is valid. A dynamic one may change while the tracker
+    runs. `check` raises a ValueError at a value of that type and range that is invalid still.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Parameter:
 
     @property
     def valid(self) -> str:
-        """Say what is valid, in words."""
+        """Describe the valid values in words."""
         if self.choices:
             return 'one of ' + ', '.join(map(str, self.choices))
         words = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
@@ -82,7 +82,7 @@ class Parameter:
         return result
 
     def parsed(self, text: str) -> Value:
-        """Return the value that `text` spells, as on a command line; errors as `checked`."""
+        """Return the value that `text` holds, as on a command line; errors as `checked`."""
         value: Value = text
         try:
             if self.kind is bool:
@@ -124,7 +124,7 @@ class ParameterTable(Mapping[str, Parameter]):
         """
         Return the values in their parameters' types; errors as `Parameter.checked`.
 
-        An unknown name, of the owner's, is a ValueError that lists the valid ones.
+        An unknown name is a ValueError that lists the valid ones, and names the owner if given.
         """
         for name in values:
             if name not in self._rows:

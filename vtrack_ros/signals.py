@@ -1,4 +1,4 @@
-"""The signals that tell a program to end."""
+"""The signals that request a program's end."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,14 +7,14 @@ from types import FrameType
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """Return Ctrl-C, a request to end, and a closed terminal unless `nohup` made that harmless."""
+    """Return SIGINT, SIGTERM, and SIGHUP (closed terminal) unless ignored, as by `nohup`."""
     asked = signal.SIGINT, signal.SIGTERM
     return asked if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (*asked, signal.SIGHUP)
 
 
 @contextmanager
 def heard_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Have another handler hear them meanwhile."""
+    """Install a handler for these signals; on exit, the earlier handlers are restored."""
     earlier = {number: signal.signal(number, handler) for number in ending_signals()}
     try:
         yield

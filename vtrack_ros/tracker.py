@@ -1,4 +1,4 @@
-"""What a tracker is: started on a box, updated with frames, honest about what it knows."""
+"""The interface of a tracker: it's started on a box and updated with frames."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from vtrack_ros.parameters import ParameterTable, Value
 
 
 class TrackState(enum.Enum):
-    """What the box of an estimate is worth."""
+    """Whether the box of an estimate is measured, predicted or meaningless."""
 
     TRACKING = 'tracking'
     """Measured in this frame."""
@@ -27,7 +27,7 @@ class TrackState(enum.Enum):
 @dataclass(frozen=True)
 class Estimate:
     """
-    What a tracker knows after a frame.
+    A tracker's output for a frame.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Estimate:
     state : TrackState
         Whether the box is measured or predicted.
     particles : ndarray, shape (N, 4), [px], optional
-        The particles' (centre x, centre y, width, height), for those who draw them.
+        The particles' (centre x, centre y, width, height), for drawing.
     affine : ndarray, shape (3, 3), optional
         The target's whole affine frame: maps the unit square about the origin onto the target.
 
@@ -64,7 +64,7 @@ class Estimate:
 
     @property
     def upright(self) -> Box:
-        """Return the box that the target would have if it hadn't turned: its own size."""
+        """Return the box of the target without its rotation, of the target's own size."""
         if self.affine is None:
             return self.box
         width, height = np.hypot(self.affine[0, :2], self.affine[1, :2])
@@ -79,9 +79,9 @@ class Tracker(ABC):
     Parameters
     ----------
     seed : int, numpy.random.Generator or None
-        Where its randomness comes from; with the same seed and frames it gives the same output.
+        The source of its randomness; the same seed and frames give the same output.
     **parameters
-        Those of the class's table `PARAMETERS`.
+        Values for the class's table `PARAMETERS`.
 
     Raises
     ------
@@ -113,7 +113,7 @@ class Tracker(ABC):
         Raises
         ------
         TypeError, ValueError
-            If a change is wrong; then none is made.
+            If a change is invalid; then none is made.
 
         """
         values = {**self._parameters, **self.PARAMETERS.checked(changes, self.NAME)}
@@ -123,7 +123,7 @@ class Tracker(ABC):
 
     def start(self, frame: Frame, box: Box) -> Estimate:
         """
-        Begin, or begin again, on the target that `box` shows.
+        Begin, or begin again, on the target in `box`.
 
         Parameters
         ----------
@@ -176,7 +176,7 @@ class Tracker(ABC):
         return self._update(frame, float(dt))
 
     def _prepare(self, values: dict[str, Value]) -> None:
-        """Raise a ValueError at valid parameters that together won't do; nothing changes then."""
+        """Raise a ValueError if values are invalid in combination; nothing changes then."""
 
     @abstractmethod
     def _configure(self) -> None:
@@ -188,11 +188,11 @@ class Tracker(ABC):
 
     @abstractmethod
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        """Take one checked frame."""
+        """Process one checked frame."""
 
 
 def checked_frame(frame: Any) -> Frame:
-    """Return a contiguous frame; a TypeError or ValueError says what else was given."""
+    """Return a contiguous frame; TypeError or ValueError if it isn't a frame."""
     if not isinstance(frame, np.ndarray):
         raise TypeError(f'frame must be a numpy array of uint8, not {type(frame).__name__}')
     if frame.dtype != np.uint8:

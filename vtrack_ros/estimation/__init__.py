@@ -1,12 +1,12 @@
 """
-Bayesian filters on any state-space model; they know no pixels and no ROS.
+Bayesian filters for any state-space model, independent of pixels and of ROS.
 
-- Models say how a state moves and what is measured of it: `ConstantVelocity`, or a
-  `StateSpaceModel` (`LinearModel`) of one's own.
+- Models say how a state moves and what is measured of it: `ConstantVelocity`, or a subclass of
+  `StateSpaceModel` (`LinearModel`) of your own.
 - A `GaussianFilter` estimates a `Gaussian`: `KalmanFilter`, `ExtendedKalmanFilter`, or
   `SigmaPointFilter` with a rule of sigma points.
-- A `ParticleFilter` estimates a `Belief`, a weighted particle set; its `Proposal` makes it the PF,
-  GMPF (`GreyProposal`), KPF, EPF, UPF, QKPF or P-QKPF (`GaussianFilterProposal`).
+- A `ParticleFilter` estimates a `Belief`, a weighted particle set. Its `Proposal` decides whether
+  it is the PF, GMPF (`GreyProposal`), KPF, EPF, UPF, QKPF or P-QKPF (`GaussianFilterProposal`).
 
 >>> import numpy as np
 >>> model = ConstantVelocity(positions=1, measurement_noise=[[0.25]])

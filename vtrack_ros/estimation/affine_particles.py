@@ -1,4 +1,4 @@
-"""Particles on the affine group, and the particles in a vector of parameters beside them."""
+"""Particles on the affine group, and particles in a vector of geometric parameters."""
 
 from abc import ABC, abstractmethod
 
@@ -9,11 +9,13 @@ from vtrack_ros.estimation.particles import systematic
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import affine
 
-#: Bounds of scale (relative to the first) and of the ratio of the stretches along two axes.
+#: Allowed scale relative to the first frame's (minimum, maximum).
 _SMALLEST, _LARGEST = 0.2, 5.0
+#: Largest allowed elongation: the ratio of the stretches along two axes.
 _SLIMMEST = 2.5
-#: No step is longer, in the logarithm of size and shape and in sides: far shorter ones are
-#: refused, and the exponential of what a pause of years makes would be infinite.
+#: Elementwise bound (+/-) of a step in the Lie algebra: logarithms of size and shape, and sides in
+#: the last column. It only keeps the exponential finite after a pause of years: far shorter steps
+#: are already refused.
 _LONGEST_STEP = np.array([[10.0, 10.0, 1e6], [10.0, 10.0, 1e6], [0.0, 0.0, 0.0]])
 
 
@@ -22,10 +24,12 @@ class AffineParticles(ABC):
     A set of equally weighted affine frames and how they move.
 
     A frame maps a rectangle about the origin, of area 1 and the target's first aspect ratio, onto
-    the target. Displacements are in units of the target's mean side: noise needs no pixels.
+    the target. Displacements are in units of the target's mean side, so that the noise doesn't
+    depend on the target's size in pixels.
 
-    All start at `first`, shape (3, 3); no particle's centre goes farther beyond `limit`, the
-    frame's (width, height) in pixels, than a side.
+    All particles start at `first`, shape (3, 3). A step that takes a particle's centre more than
+    one mean side beyond the border of the image is refused; `limit` is the image's (width, height)
+    in pixels.
     """
 
     states: Array
@@ -47,9 +51,10 @@ class AffineParticles(ABC):
         """
         Move every particle by a time step of `dt` frames.
 
-        The noise a frame has the standard deviations `sigmas`, shape (6,), in the order of
-        `affine.from_coordinates`; `autoregression` is the a of the process, where there is one. A
-        share of the particles follows a measured movement in the image, p' = move p.
+        `sigmas`, shape (6,), are the standard deviations of the noise per frame, in the order of
+        `affine.from_coordinates`; `autoregression` is the coefficient a of the process, where
+        there is one. A fraction `share` of the particles follows a measured movement in the image,
+        p' = move p.
         """
 
     @abstractmethod
@@ -65,7 +70,7 @@ class AffineParticles(ABC):
         """Keep the chosen particles."""
 
     def _allowed(self, states: Array) -> NDArray[np.bool_]:
-        """Tell which states have a size, shape and place that a target may have, shape (N,)."""
+        """Tell which states have an allowed size, shape and position, shape (N,)."""
         scale = affine.scale(states)
         relative = scale / self._first_scale
         center = states[:, :2, 2]
@@ -91,7 +96,7 @@ class GroupParticles(AffineParticles):
 
     def propose(self, dt: float, sigmas: Array, autoregression: float,
                 move: Array | None = None, share: float = 0.0) -> None:
-        """Move every particle; the followers go with the measured movement instead."""
+        """Move every particle; a share of them follows the measured movement instead."""
         before = self.states
         noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(before), 6))
         drift = autoregression * dt * self.velocities
@@ -106,7 +111,7 @@ class GroupParticles(AffineParticles):
         steps = (drift + affine.from_coordinates(noise)).clip(-_LONGEST_STEP, _LONGEST_STEP)
         states = base @ affine.exponential(steps)
         if count:
-            # the others' logarithm is the step that they have just made
+            # for all other particles the logarithm is the step just taken
             steps[followers] = affine.logarithm(
                 affine.inverse(before[followers]) @ states[followers])
         refused = ~self._allowed(states)
@@ -118,7 +123,7 @@ class GroupParticles(AffineParticles):
         return affine.group_mean(self.states, weights)
 
     def gather(self, place: Array, share: float) -> None:
-        """Move a share of the particles, all by the same step, so that their mean is a place."""
+        """Shift a share of the particles by one common offset, so that their mean is `place`."""
         count = round(share * len(self.states))
         if count:
             chosen = np.linspace(0, len(self.states) - 1, count).astype(int)
@@ -140,7 +145,7 @@ class VectorParticles(AffineParticles):
     """
     Independent random walks of six geometric parameters [Ross2008, sec. 4.1].
 
-    The estimate is the particle of the largest weight, as theirs.
+    The estimate is the particle of the largest weight, as in that paper.
     """
 
     def restart(self, state: Array, count: int) -> None:
@@ -153,7 +158,7 @@ class VectorParticles(AffineParticles):
 
     def propose(self, dt: float, sigmas: Array, autoregression: float,
                 move: Array | None = None, share: float = 0.0) -> None:
-        """Move every particle by noise alone: `autoregression` and `move` aren't for it."""
+        """Move every particle by noise alone: the arguments after `sigmas` are ignored."""
         noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(self.vectors), 6))
         noise[:, 4:] *= np.exp(self.vectors[:, :1])
         noise[:, :2] = noise[:, :2].clip(-_LONGEST_STEP[0, 0], _LONGEST_STEP[0, 0])

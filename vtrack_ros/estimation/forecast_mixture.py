@@ -1,4 +1,4 @@
-"""Several forecasts of one place, each believed as far as it foretold lately."""
+"""Several forecasts of one position, each weighted by its recent error."""
 
 from collections.abc import Mapping
 import math
@@ -7,20 +7,20 @@ import numpy as np
 
 from vtrack_ros.frame import Array, Point
 
-#: Weight of the latest error in a forecast's mean error.
+#: Weight of the latest error in a forecast's mean error, an exponential moving average.
 _RATE = 0.15
-#: Mean error that a forecast begins with, and by how much another one has to be better than that
-#: of staying, in units.
+#: Initial mean error of a forecast, and the margin by which another forecast's mean error must be
+#: below that of staying to be preferred to it; in the unit of length.
 _FIRST_ERROR, _BETTER = 0.12, 0.02
-#: Error beyond which a forecast isn't any more wrong.
+#: Upper bound that errors are clamped to, in the unit of length.
 _LARGEST = 1.5
-#: The density's width is so many mean errors, and not less than that; in the first frame not less
-#: than the last, in the second half of it, and so on: how a target moves isn't known at first.
+#: Width of the density in mean errors; its lower bound, in the unit of length; and the lower bound
+#: in the first frame, which is divided by n in the n-th: how a target moves isn't known at first.
 _WIDTH, _NARROWEST, _UNKNOWN = 1.5, 0.12, 0.6
 #: The exponent of a Cauchy density in two dimensions.
 _TAILS = 1.5
 
-#: The forecast that the target stays: it's always there.
+#: Name of the forecast that the target doesn't move; it always has a record.
 STAYING = 'staying'
 
 
@@ -28,10 +28,11 @@ class ForecastMixture:
     """
     Forecasts by name, and the mean error of each.
 
-    A target's dynamics aren't known, and change: what helps at a low rate harms at a high one. So
-    each forecast is believed by its own record, as the modes of an interacting multiple model are
-    [Blom and Bar-Shalom 1988], with tails as heavy as a Cauchy density's, for targets dart off.
-    All lengths are in a unit that the caller chooses, as the target's side is.
+    A target's dynamics are unknown and change: a model that helps at a low rate harms at a high
+    one. So each forecast is weighted by its own record of errors, as the modes of an interacting
+    multiple model are [Blom and Bar-Shalom 1988]. The density has the heavy tails of a Cauchy
+    density, for targets may move abruptly. The unit of length is the caller's choice, for example
+    the target's side.
     """
 
     def __init__(self) -> None:
@@ -43,16 +44,17 @@ class ForecastMixture:
         return self._errors.get(name, _FIRST_ERROR)
 
     def best(self, names: Mapping[str, Point]) -> str:
-        """Return the name of the forecast with the least mean error; staying has a start."""
+        """Return the name of least mean error; `_BETTER` is added to all but staying's."""
         return min(names, key=lambda name: self.error(name) + (name != STAYING) * _BETTER)
 
     @np.errstate(over='ignore')  # after a long pause a forecast may be anywhere
     def log_density(self, places: Array, forecasts: Mapping[str, Point], unit: float,
                     dt: float) -> Array:
         """
-        Return how probable places, shape (N, 2), are after `dt`: at most 0, by the best forecast.
+        Return the log-density of positions, shape (N, 2), after `dt`: the maximum over forecasts.
 
-        Up to a constant, and in the same unit as the forecasts, of which `unit` is one.
+        The normalising constant is left out, so that it's at most 0. Positions and forecasts are
+        in the same coordinates, e.g. pixels, and `unit` is the unit of length in these.
         """
         best = np.full(len(places), -np.inf)
         narrowest = max(_NARROWEST, _UNKNOWN / (1 + self._frames))
@@ -63,7 +65,7 @@ class ForecastMixture:
         return best
 
     def update(self, place: Point, forecasts: Mapping[str, Point], unit: float) -> None:
-        """Learn from where the target was found how wrong each forecast was."""
+        """Update each forecast's mean error by its distance from where the target was found."""
         self._frames += 1
         for name, forecast in forecasts.items():
             error, mean = min(math.dist(place, forecast) / unit, _LARGEST), self.error(name)

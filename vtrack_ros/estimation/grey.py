@@ -5,10 +5,10 @@ GM(1,1) forecasts from four to six values [Zhu2012, section 3.2]: the accumulate
 `x1 = cumsum(x0)` is taken for the response of a first-order system, with
 `z(j) = (x1(j) + x1(j-1)) / 2` and the least squares of `x0(j) = -a z(j) + b`, j = 2..m.
 
-Two misprints of the paper are mended: the left-hand side is the original series x0(2..m), as eq.
-12 needs it, where eq. 14 prints the accumulated one; and the time in eq. 16 counts from the start
-of the window (m), where the print has the frame number k: with that the forecast explodes or dies
-as time goes by.
+Two misprints of the paper are corrected: the left-hand side is the original series x0(2..m), as
+eq. 12 needs it, where eq. 14 prints the accumulated one; and the time in eq. 16 counts from the
+start of the window (m), where the print has the frame number k: with that the forecast grows or
+decays exponentially as time goes by.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ from vtrack_ros.frame import Array
 
 SHORTEST_SERIES = 4
 SPREADS = ('forecast', 'predicted', 'moved')
-#: Exponent that isn't exceeded: the forecast of a distant future stays finite.
+#: Upper bound of the exponent, so that a forecast far ahead stays finite.
 _LARGEST = 600.0
 
 
@@ -37,7 +37,7 @@ def gm11_forecast(series: Array, steps: float = 1.0, margin: float | None = None
 
     GM(1,1) needs a positive series. Without a margin, a column that isn't positive is shifted up
     until its smallest value equals its range, and the forecast is shifted back; a positive column
-    is left alone, so for it this is the paper's formula and nothing else. Each ratio
+    is left alone, so for it this is exactly the paper's formula. Each ratio
     `(x0(j+1) - x0(j)) / (z(j+1) - z(j))` lies between -2 and 2 then, hence `|a| <= 2`, and the
     exponential can't overflow.
 
@@ -51,7 +51,7 @@ def gm11_forecast(series: Array, steps: float = 1.0, margin: float | None = None
     brakes).
 
     The series, shape (m, n), is evenly spaced in time, oldest first; ValueError unless it's
-    finite and m >= 4. The forecast, shape (n,), is so many spacings ahead, in the paper one.
+    finite and m >= 4. The forecast, shape (n,), is `steps` spacings ahead, one in the paper.
     """
     series = checked_array('series', series, (None, None))
     if len(series) < SHORTEST_SERIES:
@@ -62,7 +62,7 @@ def gm11_forecast(series: Array, steps: float = 1.0, margin: float | None = None
 
 
 def _column_forecast(series: Sequence[float], steps: float, margin: float | None) -> float:
-    """Forecast one column: so short a series is several times as quick in plain numbers."""
+    """Forecast one column; for such a short series plain floats are several times as fast."""
     lowest = min(series)
     span = max(series) - lowest or 1.0
     if margin is not None:
@@ -82,7 +82,7 @@ def _column_forecast(series: Sequence[float], steps: float, margin: float | None
         deviation = accumulated - centre
         variance += deviation * deviation
         covariance += deviation * value
-    # all of the series may lie in its first value, to machine precision: it has no slope then
+    # no slope can be fitted if the others vanish beside the first value, to machine precision
     a = min(max(-covariance / variance, -2.0), 2.0) if variance else 0.0
     b = (total - first) / len(later) + a * centre
     ratio = math.expm1(a) / a if a else 1.0
@@ -96,8 +96,8 @@ class GreyProposal(Proposal):
 
     g_k is the forecast of the last `window` estimates; until there are as many, particles come
     from the transition prior. P_k is the spread of the previous particles about g_k (eq. 17).
-    As printed, nothing keeps P_k up once resampling has collapsed the particles: `floor` times
-    the process noise is added.
+    As printed, nothing keeps P_k from shrinking once resampling has collapsed the particles:
+    `floor` times the process noise is added.
 
     Parameters
     ----------
@@ -113,24 +113,24 @@ class GreyProposal(Proposal):
         What P_k is the spread of: of the previous particles about the forecast (the paper), which
         also holds the square of the forecast motion, so that the particles of a fast target
         spread along its path; or of the particles moved on by the transition about their mean, so
-        that uncertain velocities widen it. 'moved' takes these particles themselves, moved so
-        that their mean is the forecast: mean and covariance are the same, but modes stay modes,
-        each particle has its predecessor, and nothing is factorised; it needs a floor.
+        that uncertain velocities widen it. 'moved' takes these particles themselves, shifted so
+        that their mean is the forecast: mean and covariance are the same, but several modes are
+        kept, each particle has its predecessor, and no matrix is factorised; it needs a floor.
     prior_share : float
         The fraction of particles that the transition prior draws, in [0, 1); the proposal is then
         the mixture of both densities. The paper has none. The forecast of a component that is
-        not measured feeds on itself, and a few steps of wrong forecasts can carry all particles
-        away from what the model allows; with a share s of prior particles the weight
-        `prior / proposal` is at most 1/s, and the filter comes back.
+        not measured is computed from earlier forecasts, and a few wrong ones in a row can carry
+        all particles away from what the model allows; with a share s of prior particles the weight
+        `prior / proposal` is at most 1/s, and the filter recovers.
     densities : bool
-        Whether the samples' densities are computed. Only the simplified weight does without; a
-        filter that needs them would take the samples for the transition prior's.
+        Whether the samples' densities are computed. Only 'simplified' weights need none; a filter
+        with 'full' weights would treat the samples as drawn from the transition prior.
     velocities : mapping of int to int, optional
         Which component is the derivative of which, e.g. `{2: 0, 3: 1}`: it is then forecast as
         the forecast change of that component over dt, in place of a series of its own.
     steady : sequence of int, optional
-        Components that are expected to stay what they were last: of a series of small random
-        changes, a forecast is the noise, extrapolated.
+        Components whose forecast is their latest value: GM(1,1) would only extrapolate the noise
+        of a series of small random changes.
 
     """
 
@@ -153,14 +153,14 @@ class GreyProposal(Proposal):
         self.densities = densities
         self.velocities = dict(velocities or {})
         self.steady = list(steady)
-        #: The forecast made last, and of what: who asks before proposing asks twice.
+        #: Cache: (belief, dt, forecast). A caller may ask for the forecast before proposing.
         self._made: tuple[Belief, float, Array | None] | None = None
 
     def propose(
             self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
             measurement: Array | None = None,
             error: GaussianNoise | None = None) -> Proposed:
-        """Draw successors about g_k, and the prior's share from the transition."""
+        """Draw successors about g_k, and `prior_share` of them from the transition prior."""
         forecast = self.forecast(belief, dt)
         predicted = model.transition(belief.states, dt, belief.time)
         scatter = None if forecast is None else self._scatter(
@@ -220,7 +220,7 @@ class GreyProposal(Proposal):
     def _scatter(
             self, model: StateSpaceModel, belief: Belief, forecast: Array,
             predicted: Array, dt: float) -> GaussianNoise | None:
-        """Return what is drawn about the centre, or None where numbers left the floats' range."""
+        """Return the noise about the centre; None where it isn't finite and positive definite."""
         if not math.isfinite(forecast.sum()):
             return None
         noise = model.process_error(dt)

@@ -1,4 +1,4 @@
-"""Several hypotheses of how something moves, side by side: the interacting multiple models."""
+"""Several motion hypotheses side by side: the interacting multiple model."""
 
 import math
 
@@ -12,12 +12,13 @@ from vtrack_ros.frame import Array
 
 class VelocityHypotheses(LinearModel):
     """
-    Positions whose velocity stays, or fades, under K hypotheses: one for each of K beliefs.
+    Positions with constant or decaying velocity under K hypotheses, one for each of K beliefs.
 
     The state is `[p_1 .. p_d, v_1 .. v_d]`, the measurement p. Under each hypothesis the velocity
-    is driven by white acceleration of a spectral density, [unit^2/s^3], and fades exponentially
-    with a time constant, [s]; infinite, it is that of `ConstantVelocity`. A velocity that fades is
-    an Ornstein-Uhlenbeck process, its moments exact (Uhlenbeck and Ornstein, 1930).
+    is driven by white acceleration of a spectral density, [unit^2/s^3], and decays exponentially
+    with a time constant, [s]; an infinite one gives the model of `ConstantVelocity`. A decaying
+    velocity is an Ornstein-Uhlenbeck process, whose moments are exact (Uhlenbeck and Ornstein,
+    1930).
 
     Matrices are stacked, shape (K, 2d, 2d), so that a `KalmanFilter` takes K beliefs in one go.
     """
@@ -40,7 +41,7 @@ class VelocityHypotheses(LinearModel):
         return self._matrices(dt)[2]
 
     def _matrices(self, dt: float) -> tuple[float, Array, Array]:
-        """Return the step, and F and Q of it; the last ones are remembered."""
+        """Return dt, F and Q, the matrices of shape (K, 2d, 2d); the latest ones are cached."""
         if self._step is None or self._step[0] != dt:
             rows = [_step(rate, dt) for _, rate in self._hypotheses]
             noise = [[q * part for part in row[1]] for (q, _), row in zip(self._hypotheses, rows)]
@@ -55,10 +56,10 @@ class VelocityHypotheses(LinearModel):
 
 
 def _step(rate: float, dt: float) -> tuple[list[float], list[float]]:
-    """Return place and velocity by those before, and their covariance at a density of 1."""
+    """Return the 2 x 2 entries of F, and of Q at a density of 1, for one position and velocity."""
     kept = math.exp(-rate * dt)
     if rate * dt < 1e-3:
-        # next to nothing fades; beyond, differences of nearly equal numbers would be left of it
+        # the decay is negligible, and the exact formulas would suffer from cancellation
         way, places, speeds = dt, dt**3 / 3, dt
     else:
         way = -math.expm1(-rate * dt) / rate
@@ -68,17 +69,18 @@ def _step(rate: float, dt: float) -> tuple[list[float], list[float]]:
 
 
 def switching(count: int, dt: float, time_constant: float) -> Array:
-    """Return the probabilities (K, K) that a hypothesis gives way to another within `dt`."""
+    """Return the transition probabilities (K, K) between hypotheses within `dt`."""
     stay = math.exp(-dt / time_constant)
     return stay * np.eye(count) + (1 - stay) / count
 
 
 def mix(beliefs: Gaussian, weights: Array, transition: Array) -> tuple[Gaussian, Array]:
     """
-    Let hypotheses give way to each other before a step: the interaction [Blom1988].
+    Mix the hypotheses' beliefs before a step: the interaction [Blom1988].
 
     `weights` (K,) are the hypotheses' probabilities, `transition` (K, K) is from row to column.
-    Returns what each begins with, moments matched, and its probability.
+    Returns the belief that each hypothesis starts the step with, moments matched, and its
+    predicted probability, shape (K,).
     """
     predicted = weights @ transition
     shares = (weights[:, np.newaxis] * transition / predicted).T

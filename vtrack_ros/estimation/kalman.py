@@ -14,7 +14,7 @@ from vtrack_ros.estimation.model import (
     checked_array, checked_covariance, GaussianNoise, LinearModel, StateSpaceModel)
 from vtrack_ros.frame import Array
 
-#: How many numbers a block of beliefs may hold: it stays in the cache, and memory is bounded.
+#: Numbers that a block of beliefs may hold: it fits the CPU's cache, and memory is bounded.
 _BLOCK = 16384
 
 
@@ -26,7 +26,7 @@ class Gaussian:
     covariance: Array
 
     def __post_init__(self) -> None:
-        """Check the shapes; definiteness is checked where beliefs come in, not at every step."""
+        """Check the shapes; definiteness is only checked in `from_moments`, not at every step."""
         if self.mean.ndim != 2:
             raise ValueError(f'mean must have the shape (N, n), not {self.mean.shape}')
         wanted = (*self.mean.shape, self.mean.shape[1])
@@ -37,7 +37,7 @@ class Gaussian:
     @classmethod
     def from_moments(cls, mean: ArrayLike, covariance: ArrayLike) -> Gaussian:
         """
-        Make beliefs of means (n,) or (N, n), and a covariance (n, n) of all or (N, n, n) of each.
+        Make beliefs of means (n,) or (N, n), and one covariance (n, n) for all or (N, n, n).
 
         ValueError unless covariances are symmetric and positive definite, and all is finite.
         """
@@ -59,7 +59,7 @@ class Gaussian:
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """The beliefs after a measurement, and its log-density as each predicted it, shape (N,)."""
+    """The beliefs after a measurement, and its log-density under each prediction, shape (N,)."""
 
     posterior: Gaussian
     log_evidence: Array
@@ -70,7 +70,7 @@ class GaussianFilter(ABC):
     A filter whose belief is a Gaussian; it works on N beliefs at once.
 
     Updates take Joseph's form, a sum of positive semi-definite terms: rounding can't make a
-    covariance indefinite. Beliefs are worked off in blocks, so that a step needs no more memory
+    covariance indefinite. Beliefs are processed in blocks, so that a step needs no more memory
     than its result and one block.
     """
 
@@ -89,7 +89,7 @@ class GaussianFilter(ABC):
     def update(
             self, prior: Gaussian, measurement: Array, time: float = 0.0,
             error: GaussianNoise | None = None) -> Correction:
-        """Return the beliefs after a measurement (m,) at `time`, with R or its own error."""
+        """Return the beliefs after a measurement (m,) at `time`; `error` replaces R if given."""
         self._check(prior)
         if np.shape(measurement) != (self.model.measurement_dimension,):
             raise ValueError(f'measurement must have the shape '
@@ -115,7 +115,7 @@ class GaussianFilter(ABC):
         """Return mean, covariance and log-evidence after the measurement, of one block."""
 
     def _numbers(self) -> int:
-        """Return how many numbers a belief needs at a time."""
+        """Return how many numbers one belief needs while it's processed."""
         return max(16, 4 * self.model.state_dimension ** 2)
 
     def blocks(self, count: int) -> list[slice]:

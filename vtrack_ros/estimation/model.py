@@ -100,16 +100,16 @@ class StateSpaceModel(ABC):
     is Gaussian unless the subclass overrides `sample_noise` and `log_noise_density`; its mean is
     always zero, so that f and Q are the first two moments of the transition.
 
-    Methods take `time`: for a transition that of its beginning, for a measurement its own. Only
-    models that change with time use it. Time and dt have the unit of the model, usually seconds
-    or frames.
+    Methods take `time`: when the transition begins, or when the measurement is made. Only models
+    that change with time use it. Time and dt have the unit of the model, usually seconds or
+    frames.
 
     The measurement noise is R, shape (m, m); ValueError unless it's symmetric and positive
     definite.
     """
 
     measured_components: tuple[int, ...] | None = None
-    """The components that the measurement depends on; None stands for all."""
+    """The components that the measurement depends on; None: all of them."""
 
     def __init__(self, state_dimension: int, measurement_noise: ArrayLike) -> None:
         self.state_dimension = checked_count('state_dimension', state_dimension)
@@ -141,7 +141,7 @@ class StateSpaceModel(ABC):
         return self.measurement_error.covariance
 
     def process_error(self, dt: float) -> GaussianNoise:
-        """Return the process noise of a step of `dt`, factorised; the last one is remembered."""
+        """Return the process noise of a step of `dt`, factorised; the latest one is cached."""
         if self._process_error is None or self._process_error[0] != dt:
             self._process_error = dt, GaussianNoise.from_covariance(self.process_noise(dt))
         return self._process_error[1]
@@ -175,16 +175,16 @@ class StateSpaceModel(ABC):
     def log_likelihood(
             self, states: Array, measurement: Array, time: float = 0.0,
             error: GaussianNoise | None = None) -> Array:
-        """Return log p(measurement | states[i]), shape (N,), with an error of its own or R."""
+        """Return log p(measurement | states[i]), shape (N,); `error` replaces R if given."""
         residual = self.residual(measurement, self.measure(states, time))
         return (error or self.measurement_error).log_density(residual)
 
     def transition_jacobian(self, states: Array, dt: float, time: float = 0.0) -> Array | None:
-        """Return the derivative of f, shape (N, n, n), or None: by central differences then."""
+        """Return the derivative of f, shape (N, n, n); None: central differences are used."""
         return None
 
     def measurement_jacobian(self, states: Array, time: float = 0.0) -> Array | None:
-        """Return the derivative of h, shape (N, m, n), or None: by central differences then."""
+        """Return the derivative of h, shape (N, m, n); None: central differences are used."""
         return None
 
 
@@ -218,15 +218,15 @@ class LinearModel(StateSpaceModel):
 
 class ConstantVelocity(LinearModel):
     """
-    Positions that move at nearly constant velocity, and components that wander slowly.
+    Positions that move at nearly constant velocity, and components that do a random walk.
 
     The state is `[p_1 .. p_d, v_1 .. v_d, s_1 .. s_c]`; with d = c = 2 it is the paper's
     `[cx, cy, vx, vy, Hx, Hy]` [Zhu2012, eq. 19]. Velocities are driven by white acceleration of
     the given spectral density (Bar-Shalom, Li and Kirubarajan, 2001, section 6.2.2), so Q(dt) is
     positive definite and two steps of dt equal one of 2 dt. What is measured is p, or p and s.
 
-    The densities are of the white acceleration, [unit^2/s^3], and of what the wandering components
-    gain in variance per unit of time, [unit^2/s]. The size of the measurement noise, [unit^2],
+    `acceleration_density` is in [unit^2/s^3]; `wander_density` is the variance that a wandering
+    component gains per unit of time, [unit^2/s]. The shape of the measurement noise, [unit^2],
     says what is measured; by default p with unit variance.
     """
 

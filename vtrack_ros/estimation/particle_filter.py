@@ -1,4 +1,4 @@
-"""The particle filter: one loop, whatever the proposal."""
+"""The particle filter: one loop for any proposal."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -19,7 +19,7 @@ WEIGHTINGS = ('full', 'simplified')
 
 class ParticleFilter:
     """
-    A particle filter with a proposal of one's choice.
+    A particle filter with any proposal.
 
     A step draws particles from the proposal, weights them, estimates, and resamples where the
     effective sample size has fallen below a threshold. PF, GMPF, KPF/EPF, UPF, QKPF and P-QKPF
@@ -29,14 +29,13 @@ class ParticleFilter:
 
     - 'full': `p(z|x) p(x|x_prev) / q(x|x_prev, z)` [Zhu2012, eq. 5; Qi2012, section 2.2 d];
     - 'simplified': `p(z|x)` [Zhu2012, section 4, step 3]: right for the prior proposal only; with
-      any other, the proposal takes the place of the prior, and the posterior is that of a target
-      which moves as the proposal says. Beside the grey proposal the full weight compares a sample
-      with a predecessor that it has nothing to do with, and in many dimensions leaves weight to
-      few.
+      any other, the proposal acts as the prior, and the posterior is that of a target which moves
+      as the proposal says. With the grey proposal, the full weight compares a sample with a
+      predecessor that it wasn't drawn from, and in many dimensions few particles keep any weight.
 
     Where no particle explains the measurement (all weights vanish), the measurement is ignored:
-    the proposed particles keep the weights of before, these are marked `recovered`, and
-    `recoveries` counts it.
+    the proposed particles keep the previous weights, which are marked `recovered`, and
+    `recoveries` is incremented.
 
     The proposal is the transition prior by default; the threshold is a fraction of N, from 0 to 1.
     All randomness comes from `rng`.
@@ -61,7 +60,7 @@ class ParticleFilter:
 
     @property
     def belief(self) -> Belief:
-        """Return what the next step starts from; it may be set. ValueError before the start."""
+        """Return the belief the next step starts from; may be set. ValueError before the start."""
         if self._belief is None:
             raise ValueError('the filter has no belief yet: call start() or set_particles()')
         return self._belief
@@ -89,7 +88,7 @@ class ParticleFilter:
         return self._belief
 
     def resume(self, belief: Belief) -> None:
-        """Go on from another filter's belief, drawn from where its size isn't this filter's."""
+        """Continue from another filter's belief; it's resampled if its size isn't this one's."""
         count, self.belief = self.particles, belief
         if len(belief) != count:
             picked = self._rng.choice(len(belief), count, p=belief.weights.values)
@@ -97,10 +96,10 @@ class ParticleFilter:
 
     def set_particles(self, states: ArrayLike, log_weights: Array | None = None) -> Belief:
         """
-        Put particles where the caller knows better; time and past estimates are kept.
+        Replace the particles by the caller's; time and past estimates are kept.
 
-        The N of states (N, n) may differ from before; log-weights (N,) need not be normalised. A
-        covariance that a proposal keeps for each particle becomes that of the new set.
+        The N of states (N, n) may differ from before; log-weights (N,) need not be normalised. If
+        the proposal keeps a covariance for each particle, all become that of the new set.
         """
         states = self._checked_states(states)
         weights = (Weights.uniform(len(states)) if log_weights is None
@@ -127,14 +126,14 @@ class ParticleFilter:
             log_likelihood: LogLikelihood | None = None,
             error: GaussianNoise | None = None) -> Belief:
         """
-        Go on by `dt`: propose, weight, estimate, resample.
+        Advance by `dt`: propose, weight, estimate, resample.
 
-        Returned is the belief before resampling: take estimates from this one.
+        Returns the belief before resampling: take estimates from this one.
 
         A measurement, shape (m,), steers proposals that use it, which otherwise fall back to
         prediction. It weights the particles too, by the model, unless `log_likelihood` does, which
         takes states (N, n) and returns log p(z | x), shape (N,); without either the step is a pure
-        prediction. An error is given where the measurement's differs from the model's.
+        prediction. `error` is the measurement's error where it differs from the model's.
         """
         proposed = self.propose(measurement, dt, error)
         if log_likelihood is not None:
@@ -150,7 +149,7 @@ class ParticleFilter:
     def propose(
             self, measurement: ArrayLike | None = None, dt: float = 1.0,
             error: GaussianNoise | None = None) -> Proposed:
-        """Draw the next particles, as `step` does, but leave the filter as it is: see `weight`."""
+        """Draw the next particles, as `step` does, without changing the filter: see `weight`."""
         if not dt > 0:
             raise ValueError(f'dt must be positive, not {dt!r}')
         if measurement is not None:
@@ -161,7 +160,7 @@ class ParticleFilter:
 
     def weight(self, proposed: Proposed, log_likelihood: Array | None, dt: float = 1.0) -> Belief:
         """
-        Weight proposed particles and take them over; return the belief before resampling.
+        Weight proposed particles and make them the filter's; return the unresampled belief.
 
         They are from `propose`, with the same `dt`; the log-likelihood, shape (N,), is None where
         nothing was measured.
@@ -212,7 +211,7 @@ class ParticleFilter:
             self, estimates: tuple[Array, ...], times: tuple[float, ...],
             mean: Array, time: float,
             ) -> tuple[tuple[Array, ...], tuple[float, ...]]:
-        """Return the past estimates with one more, no more than the proposal uses."""
+        """Return the past estimates and the new one, the latest as many as the proposal uses."""
         window = self.proposal.window
         if not window:
             return (), ()

@@ -1,4 +1,4 @@
-"""Weighted particle sets: log-weights, the belief that they stand for, and resampling."""
+"""Weighted particle sets: log-weights, beliefs and resampling."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Weights:
     Normalised importance weights, made by `from_log` or `uniform`.
 
     The values (N,) have the sum one, the logarithm of zero is -inf; `log_evidence` is the
-    logarithm of the sum before normalisation; `recovered` says that no weight was left, so that
+    logarithm of the sum before normalisation; `recovered` is true if all weights vanished, so that
     these are the fallback.
     """
 
@@ -35,7 +35,7 @@ class Weights:
 
         A NaN or +inf is a defect of a likelihood, not information: such a particle gets no
         weight. Where no particle has any (nothing explains the measurement), the result is the
-        fallback, usually the weights of before and by default uniform ones, with `recovered` set:
+        fallback, usually the previous weights and by default uniform ones, with `recovered` set:
         the measurement is ignored, and the caller can count it.
         """
         log_weights = np.asarray(log_weights, dtype=np.float64)
@@ -78,7 +78,7 @@ class Weights:
 @dataclass(frozen=True, eq=False)
 class Belief:
     """
-    A weighted particle set at one time, and what proposals need besides.
+    A weighted particle set at one time, and the memory that proposals need.
 
     States are of shape (N, n); covariances (N, n, n) are of each particle's own Gaussian filter,
     where the proposal keeps them; estimates are the last means (n,), oldest first, as many as the
@@ -128,11 +128,11 @@ def spread_about(centre: Array, states: Array, weights: Array) -> Array:
 
 def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """
-    Resample with one uniform number: the points (j + u) / count on the cumulated weights.
+    Resample with one uniform number: the points (j + u) / count on the cumulative weights.
 
     Returns `count` ascending indices in time O(N + count); particle i of N is drawn
-    `count * weights[i]` times on average, and always by less than one more or fewer: in most cases
-    no scheme varies less (Douc, Cappe and Moulines, 2005).
+    `count * weights[i]` times on average, and the actual number always differs from that by less
+    than one: in most cases no scheme has less variance (Douc, Cappe and Moulines, 2005).
 
     The weights, shape (N,), need not be normalised; ValueError unless they are finite and
     non-negative, with a positive sum.

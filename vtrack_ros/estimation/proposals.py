@@ -1,4 +1,4 @@
-"""Proposals, where a particle filter looks for the next state: the prior, Gaussian filters."""
+"""Proposal densities of a particle filter: the transition prior, and Gaussian filters."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Proposed:
     Samples (N, n) of a proposal, one for each particle, and its log-density (N,) at each.
 
     The density is None where the proposal is the transition prior itself, so that the two cancel
-    in the weight. Covariances (N, n, n) are those that each particle's filter keeps.
+    in the weight. Covariances (N, n, n) are those of each particle's filter, if they're kept.
     """
 
     states: Array
@@ -46,9 +46,9 @@ class Proposal(ABC):
             measurement: Array | None = None,
             error: GaussianNoise | None = None) -> Proposed:
         """
-        Draw one successor for each particle of the belief of before the step.
+        Draw one successor for each particle of the belief before the step.
 
-        The measurement, shape (m,), is of the end of the step, which is `dt` long; its error is
+        The measurement, shape (m,), is made at the end of the step, which is `dt` long; `error` is
         given where it differs from the model's.
         """
 
@@ -75,16 +75,16 @@ class GaussianFilterProposal(Proposal):
     Parameters
     ----------
     gaussian_filter : GaussianFilter
-        Usually for the model of the particle filter; another one of the same dimensions makes
-        another, still correct, proposal.
+        Usually for the model of the particle filter; a filter for another model of the same
+        dimensions gives another proposal, which is still correct.
     covariance : {'reset', 'kept'}
-        What covariance the filter of a particle starts a step with. 'reset': zero, for the
-        particle's state is given; the proposal then approximates the optimal one,
+        The covariance that the filter of a particle starts a step with. 'reset': zero, for the
+        particle's state is known; the proposal then approximates the optimal one,
         p(x_k | x_{k-1}, z_k). 'kept': that of its last posterior, as both papers print it; this
         counts the uncertainty of x_{k-1} twice, once in the covariance and once in the spread of
         the particles, and the proposal becomes wider than the optimal one.
     inflation : float
-        How much of the predicted covariance is added to P_i for sampling, zero or more. A filter
+        Multiple of the predicted covariance added to P_i for sampling, zero or more. A filter
         that is too sure of itself (a strongly curved measurement, a noise with heavy tails)
         leaves parts of the posterior without particles; inflation covers them.
 

@@ -1,4 +1,4 @@
-"""The Kalman filter with sigma points: UKF, QKF, P-QKF and CKF are one filter with a rule."""
+"""The Kalman filter with sigma points: UKF, QKF, P-QKF and CKF differ in the rule alone."""
 
 from collections.abc import Callable
 
@@ -19,20 +19,20 @@ class SigmaPointFilter(GaussianFilter):
     (Arasaratnam, Haykin and Elliott, 2007), with `pruned_gauss_hermite` the P-QKF
     [Qi2012, section 2], with `cubature` the CKF.
 
-    A linear transition is carried out exactly. In an update only the components that the
-    measurement depends on are integrated over: with the Cholesky factor of a covariance whose
-    leading components these are, they depend on as many standardised variables, and all others
-    follow by regression.
+    A linear transition is computed exactly. An update integrates only over the components that the
+    measurement depends on: with these first in the covariance, its Cholesky factor makes them
+    depend on an equal number of standardised variables, and all others follow by regression.
 
     With G = sum_i w_i (z_i - mean z) xi_i^T, the covariance of measurement and standardised state,
     the gain is `K = L G^T S^-1`, and the update in Joseph's form
 
         P+ = (L - K G)(L - K G)^T + K (R + Omega) K^T
 
-    where `Omega = cov z - G G^T` is what a linear regression of z on x leaves over. It is positive
-    semi-definite for a rule without negative weights; with them, its negative part is cut off.
+    where `Omega = cov z - G G^T` is the residual covariance of a linear regression of z on x. It
+    is positive semi-definite for a rule without negative weights; with them, its negative
+    eigenvalues are set to zero.
 
-    The rule is made for a dimension by `unscented`, `cubature`, or e.g.
+    `rule` makes the rule of a dimension: `unscented`, `cubature`, or e.g.
     `functools.partial(gauss_hermite, order=5)`; without `measured_only` updates integrate over
     all components.
     """
@@ -82,7 +82,7 @@ class SigmaPointFilter(GaussianFilter):
         leading = factor[:, :, :rule.dimension]
         measured = self._at_points(
             lambda points: model.measure(points, time), rule.points, mean, leading)
-        # Angles have no mean of their own: average the differences to the heaviest point.
+        # Angles can't be averaged: average their differences to the point of largest weight.
         reference = measured[:, np.argmax(rule.mean_weights)].copy()
         deviation = model.residual(measured, reference[:, np.newaxis])
         del measured

@@ -1,7 +1,8 @@
 """
 Sigma points: rules that replace the integral of a function over a Gaussian by a weighted sum.
 
-A rule is for N(0, I) of some dimension; points of N(mean, P) are `mean + L xi`, `L L^T = P`.
+A rule's points xi are for N(0, I) of a dimension; those for N(mean, P) are `mean + L xi` with
+`L L^T = P`.
 """
 
 from collections.abc import Callable
@@ -16,13 +17,13 @@ from numpy.typing import NDArray
 from vtrack_ros.estimation.model import checked_count, checked_positive
 from vtrack_ros.frame import Array
 
-#: Points that a product rule may have; more would only fill the memory.
+#: Largest number of points of a product rule: it bounds the memory.
 MOST_POINTS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
 class SigmaPointRule:
-    """Points (m, n) for N(0, I), and weights (m,) of means, with sum one, and covariances."""
+    """Points (m, n) for N(0, I), and weights (m,): of the mean (sum one), of the covariance."""
 
     points: Array
     mean_weights: Array
@@ -103,7 +104,7 @@ def pruning_threshold(dimension: int, order: int, printed: bool = False) -> floa
     As printed it is `omega_1 omega_floor((m+1)/2) / m` [Qi2012, eq. 20], of the m ordered
     one-dimensional weights: the smallest and the one in the middle. This is the two-dimensional
     case of `omega_1 omega_mid / m^(n-1)` (Jaeckel, 2005), the default. Either way nothing is
-    pruned in one dimension; the printed one leaves the centre alone from five on (third order).
+    pruned in one dimension; the printed one leaves only the centre in five or more (third order).
     """
     _, weights = hermite_nodes(checked_count('order', order))
     power = 1 if printed else dimension - 1
@@ -114,9 +115,9 @@ def pruned_gauss_hermite(
         dimension: int, order: int = 3, threshold: float | None = None,
         regroup: bool = False, matched: bool = True) -> SigmaPointRule:
     """
-    Return the product rule without its light points [Qi2012, section 2.1].
+    Return the product rule without its points of small weight [Qi2012, section 2.1].
 
-    What is left is renormalised, and scaled so that the second moment is the identity again: the
+    The rest is renormalised, and scaled so that the second moment is the identity again: the
     rule then integrates 1, x and x x^T exactly, as far as a Kalman filter needs.
 
     Parameters
@@ -125,7 +126,7 @@ def pruned_gauss_hermite(
         n, and m, the points in each dimension before pruning.
     threshold : float, optional
         Points with a smaller weight are pruned; by default `pruning_threshold(n, m)`. ValueError
-        where the centre alone would be left.
+        where only the centre would be left.
     regroup : bool
         Whether a pruned point is replaced, as printed, by `xi_a + L (xi_a - xi)` with its weight
         [Qi2012, eq. 21], in place of being left out; xi_a is the nearest kept point (the centroid,

@@ -1,9 +1,9 @@
 """
 The four papers' methods and the baselines they compare with, on the papers' own cues.
 
-By default each has what was found wrong in print mended; the parameter `as_printed`, where
-something had to be mended, has it run to the letter. They're there to put the papers' claims to
-the test: for tracking use `vtrack_ros.trackers`.
+By default each has the errors found in the papers corrected; the parameter `as_printed`, where
+something had to be corrected, runs it exactly as printed. They're for testing the papers' claims:
+for tracking use `vtrack_ros.trackers`.
 """
 
 from vtrack_ros.replicas.affine_filters import (

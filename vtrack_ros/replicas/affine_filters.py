@@ -18,15 +18,16 @@ from vtrack_ros.replicas.keypoints import (
     keypoint_error, KeypointDetector, Keypoints, nearest, pose_change, PoseChange)
 from vtrack_ros.tracker import Estimate, Tracker
 
-#: The window that keypoints are looked for in, in units of the target's bound. It's twice as wide
-#: where the pose has become so uncertain.
+#: Side of the window that keypoints are detected in, relative to the target's bound; and the pose
+#: uncertainty from which on it's twice as wide (it grows linearly up to that).
 _KEYPOINT_REACH, _UNCERTAIN = 1.6, 10.0
-#: Matched keypoints agree within this share of the target's mean side, and one pixel at least.
+#: Inlier tolerance of matched keypoints, as a share of the target's mean side; one pixel at least.
 _TOLERANCE = 0.04
-#: Correlation with the first patch at which on and off the target are even, the width of the
-#: transition, and what doesn't count as seen.
+#: Of the correlation with the first patch: the value at which the confidence is 0.5, the width of
+#: its logistic function, and the threshold below which the target counts as not seen.
 _EVEN, _WIDTH, _UNLIKE = 0.25, 0.07, 0.15
-#: Standard deviations that the particles don't know of, as shares of the mean side.
+#: Standard deviations (centre, size) of errors that the particles' spread doesn't contain, as
+#: shares of the mean side; their variances are added to the covariance.
 _CENTER_ERROR, _SIZE_ERROR = 0.08, 0.12
 
 _KEYPOINTS = ParameterTable([
@@ -42,11 +43,11 @@ _KEYPOINTS = ParameterTable([
 
 class AffineParticleTracker(Tracker):
     """
-    A particle filter over affine frames: a subclass says which terms and dynamics it has.
+    A particle filter over affine frames; a subclass chooses likelihood terms and dynamics.
 
     A frame's likelihood is the product of the paper's terms, the estimate is the particles' mean,
-    and the box its axis-aligned bound. Nothing in the paper notices a failure: confidence and
-    state come from the correlation with the first patch and change nothing.
+    and the box its axis-aligned bound. The paper doesn't detect failures: confidence and state
+    come from the correlation with the first patch and don't influence the tracking.
     """
 
     PARAMETERS = AFFINE
@@ -94,11 +95,11 @@ class AffineParticleTracker(Tracker):
         return estimate
 
     def _measured(self, frame: Frame) -> PoseChange | None:
-        """Return how the target was seen to move from the last estimate, if it was."""
+        """Return the measured movement since the last estimate; None where there is none."""
         return None
 
     def _settled(self) -> None:
-        """Take note of the new estimate."""
+        """Learn from the new estimate."""
 
     def _estimate(self, weights: Array, similarity: float, dt: float) -> Estimate:
         boxes = affine.bounds(self._particles.states, self._size)
@@ -107,7 +108,7 @@ class AffineParticleTracker(Tracker):
         assert self._frame_shape is not None
         box = Box.from_center(*bound)
         visible = box.clipped(self._frame_shape[1], self._frame_shape[0])
-        # patches repeat the border beyond it, and may look like anything there
+        # outside the image patches repeat its border, and their correlation means nothing
         similarity *= 0.0 if visible is None else visible.area / box.area
         confidence = logistic((similarity - _EVEN) / _WIDTH)
         self._unlike_frames = self._unlike_frames + dt if similarity < _UNLIKE else 0.0
@@ -123,7 +124,7 @@ class ConsecutiveKeypoints:
     """
     Matches the keypoints of two consecutive frames on the target [Xiang, sec. 2].
 
-    `size` is that of the rectangle that affine frames map onto the target, as `KeypointMemory`'s.
+    `size` is that of the rectangle that affine frames map onto the target, as in `KeypointMemory`.
     """
 
     uncertainty = 0.0
@@ -134,7 +135,7 @@ class ConsecutiveKeypoints:
 
     def measure(self, seen: Keypoints, state: Array,
                 rng: np.random.Generator) -> PoseChange | None:
-        """Return the movement that most keypoints agree with, seen in the last frame and now."""
+        """Return the movement that most keypoints of the last frame agree with."""
         self._seen = seen
         which, seen_as = nearest(self._before.descriptors, seen.descriptors)
         return pose_change(
@@ -156,17 +157,17 @@ class AffineKeypointReplica(AffineParticleTracker):
     Printed: particles move by X_t = X_{t-1} exp(a log(X_{t-2}^-1 X_{t-1}) + dW) (sec. 3.2) and are
     weighted by colour, the subspace of patches and keypoints (sec. 3.3). The keypoints' pose, from
     SIFT matches of consecutive frames, RANSAC and a Sylvester equation (eqs 1-4), steers the
-    sampling, but how isn't said: here `keypoint_share` of the particles move by it plus noise and
-    the rest by the process, so that a wrong pose costs particles and not the target.
+    sampling, but the paper doesn't say how: here `keypoint_share` of the particles move by it plus
+    noise and the rest by the process, so that a wrong pose costs particles and not the target.
 
-    Mended: matches of consecutive frames lose targets that pass behind something, for the
-    occluder's keypoints in the box agree on a movement, its own, and the error of each step adds
-    to the last. Here the target's keypoints are remembered by their places on it, a new
-    algorithm, see `KeypointMemory`. `as_printed` matches consecutive frames.
+    Corrected: matches of consecutive frames lose targets during occlusions, for the occluder's
+    keypoints in the box agree on its own movement, and the errors of the steps accumulate. Here
+    the target's keypoints are remembered by their positions on it, a new algorithm, see
+    `KeypointMemory`. `as_printed` matches consecutive frames.
 
-    The only text of the paper to be had has lost its formulas. Beside what it describes, the pose
-    has a change of scale, for the paper's own targets come nearer, and the keypoints' errors are
-    averaged, not summed.
+    The only available text of the paper lacks its formulas. In addition to what it describes, the
+    pose has a change of scale, for the paper's own targets come nearer, and the keypoints' errors
+    are averaged, not summed.
     """
 
     NAME = 'appf_paper'
@@ -200,7 +201,7 @@ class AffineKeypointReplica(AffineParticleTracker):
 
 
 class AffineReplica(AffineParticleTracker):
-    """The affine-group particle filter without keypoints [Kwon and Park 2010]; nothing mended."""
+    """The affine-group particle filter without keypoints [Kwon and Park 2010], as printed."""
 
     NAME = 'affine_pf_paper'
     SUMMARY = 'affine-group particle filter, a baseline of Xiang et al.'
@@ -211,8 +212,8 @@ class SubspaceReplica(AffineParticleTracker):
     """
     PPCA: a particle filter over geometric parameters and a subspace of patches [Ross2008].
 
-    Independent random walks, and the likeliest particle for the estimate (sec. 4.1); nothing had
-    to be mended. How old patches fade is in `Subspace`.
+    Independent random walks; the estimate is the most likely particle (sec. 4.1). Nothing had to
+    be corrected. For the forgetting of old patches see `Subspace`.
     """
 
     NAME = 'ppca_paper'

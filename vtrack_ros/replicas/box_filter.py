@@ -1,4 +1,4 @@
-"""The particle filter over sized boxes that the first two papers and their baselines share."""
+"""The particle filter over boxes that the first two papers and their baselines share."""
 
 from abc import abstractmethod
 from typing import ClassVar
@@ -16,11 +16,12 @@ from vtrack_ros.replicas.cues import BoxCues, FusionRule, FUSIONS
 from vtrack_ros.replicas.dynamics import DYNAMICS, motion_model
 from vtrack_ros.tracker import Estimate, Tracker
 
-#: Standard deviations of the centre and the size that the particles don't know of, as shares of
-#: the target's mean side.
+#: Standard deviations (centre, size) of errors that the particles' spread doesn't contain, as
+#: shares of the target's mean side; their variances are added to the covariance.
 _CENTER_ERROR, _SIZE_ERROR = 0.33, 0.3
+#: Confidence below which the target counts as not seen.
 _SEARCHING_BELOW = 0.5
-#: Standard deviations of the first particles, in sides.
+#: Standard deviations of the first particles' (cx, cy, vx, vy, w, h), in mean sides (per frame).
 _FIRST_SPREAD = np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02])
 
 BOX_PARAMETERS = ParameterTable([
@@ -51,8 +52,8 @@ class BoxParticleFilter(Tracker):
     A particle filter over (cx, cy, vx, vy, w, h), in pixels and frames [Zhu2012, eq. 19].
 
     The papers' model of motion is "first-order autoregressive", x = A x_prev + u, with neither A
-    nor u given: `dynamics` and `noise` say which; sizes are a random walk. A subclass gives the
-    proposal, and says whether a measured centre steers it.
+    nor u given: `dynamics` and `noise` choose them; sizes do a random walk. A subclass gives the
+    proposal, and says whether it uses a measured centre.
     """
 
     PARAMETERS = BOX_PARAMETERS
@@ -64,7 +65,7 @@ class BoxParticleFilter(Tracker):
         """Return the proposal for a model of motion."""
 
     def _weighting(self) -> str:
-        """Return which weights the filter has, see `ParticleFilter`."""
+        """Return the weighting of the filter, see `ParticleFilter`."""
         return str(self._parameters.get('weighting', 'simplified'))
 
     def _fusion(self) -> FusionRule:
@@ -74,7 +75,7 @@ class BoxParticleFilter(Tracker):
     def _configure(self) -> None:
         if self._frame_shape is None:
             return
-        self._side = 0.0  # the model of motion and the filter are made anew
+        self._side = 0.0  # `_adapt` makes the model of motion and the filter anew
         self._cues.sigma = float(self._parameters['sigma'])
         self._cues.fusion = self._fusion()
 
@@ -150,7 +151,7 @@ class CondensationReplica(BoxParticleFilter):
     PF: the transition prior as the proposal (Condensation), the baseline of all four papers.
 
     Zhu, Yin and Xiang compare with colour alone, Qi with both cues too (`cues`). Prior and
-    proposal cancel in the weight, w = w_prev p(z|x) [Qi2012, eq. 3]; nothing had to be mended.
+    proposal cancel in the weight, w = w_prev p(z|x) [Qi2012, eq. 3]; nothing is corrected.
     """
 
     NAME = 'pf_paper'

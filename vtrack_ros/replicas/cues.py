@@ -14,13 +14,14 @@ from vtrack_ros.replicas.motion_edge import MotionEdge
 #: From likelihoods (cues, N) and reliabilities (cues,) to the log of the fused one, shape (N,).
 FusionRule = Callable[[Array, Array], Array]
 
-#: A place is measured on so many places a side of a grid, so far apart in sides of the target.
+#: Grid of places for measuring the centre: number along each axis, and spacing in target sides.
 _PLACES, _SPACING = 7, 0.15
-#: How far the likest place is from the true one, in sides, on the rendered scenes.
+#: Error of the most likely place on the rendered scenes, in sides: the standard deviation that is
+#: added to a measured centre's covariance.
 _CUE_ERROR = 0.1
-#: How far the size may be from the first one.
+#: Range of the size relative to the first one (minimum, maximum).
 _SMALLEST, _LARGEST = 0.2, 5.0
-#: Similarity at which on and off the target are even, and the width of the transition.
+#: Similarity at which the confidence is 0.5, and the width of its logistic function.
 _EVEN, _WIDTH = 0.45, 0.1
 _STEPS = _SPACING * (np.arange(_PLACES) - (_PLACES - 1) / 2)
 _GRID = np.array([(x, y) for x in _STEPS for y in _STEPS])
@@ -28,17 +29,18 @@ _GRID = np.array([(x, y) for x in _STEPS for y in _STEPS])
 
 class BoxCues:
     """
-    The likelihood of boxes: a colour histogram, and moving edges beside it.
+    The likelihood of boxes, from a colour histogram and, optionally, moving edges.
 
     Colour is compared by Bhattacharyya's coefficient, p(z|x) = exp(-(1 - rho) / (2 sigma^2))
-    [Zhu2012, sec. 4, step 3; Qi2012, eqs 4-8], moving edges alike [Qi2012, eqs 9-15].
+    [Zhu2012, sec. 4, step 3; Qi2012, eqs 4-8], moving edges likewise [Qi2012, eqs 9-15].
 
-    The papers don't say what their filters measure in video. Here it's the mean of the places
-    about the prediction, weighted with the likelihood of all cues fused, and its covariance is
-    theirs: wide where the cues say little, or like two places. To it comes the error of the cues.
+    The papers don't say what their filters measure in video. Here it's the mean of a grid of
+    places about the prediction, weighted with the fused likelihood of all cues. Its covariance is
+    the weighted spread of these places, which is wide where the likelihood is flat or has two
+    peaks, plus the error of the cues.
 
-    Boxes are bounded softly, where the papers say nothing: sizes to a range about the first one,
-    centres to the image, outside of which nothing is seen.
+    The papers don't bound boxes. Here a penalty keeps sizes in a range about the first one, and
+    centres inside the image, outside of which nothing is seen.
 
     Boxes are rows (centre x, centre y, width, height), in px; the colours have `kernel`, `grid`.
     """
@@ -50,7 +52,7 @@ class BoxCues:
         self.fusion: FusionRule = FUSION_RULES['product']
 
     def start(self, frame: Frame, box: Array) -> None:
-        """Take the histogram of a box, shape (4,), for the reference."""
+        """Learn the reference histogram from a box, shape (4,)."""
         self._first = box.copy()
         self._reference = self._colour.reference(frame, box)
         shifts = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
@@ -61,7 +63,7 @@ class BoxCues:
         self.observe(frame, box)
 
     def observe(self, frame: Frame, predicted: Array) -> None:
-        """Take the next frame, in which the target should be at a box, shape (4,)."""
+        """Take the next frame, in which the target is predicted at a box, shape (4,)."""
         self._frame = frame
         if self._edges is None:
             return
@@ -100,59 +102,59 @@ class BoxCues:
             likelihoods[1] /= best
             result = self.fusion(likelihoods, reliability(likelihoods))
         result -= (excess**2).sum(axis=1)
-        # nothing is seen outside: what has gone there must not wander off for ever
+        # nothing is seen outside the image: the penalty keeps boxes from drifting away there
         edge = np.array(self._frame.shape[1::-1])
         beyond = (boxes[:, :2] - np.clip(boxes[:, :2], 0, edge)) / self._first[2:]
         result -= (beyond**2).sum(axis=1)
         return result
 
     def bounded(self, boxes: Boxes) -> Boxes:
-        """Return boxes, shape (N, 4), whose sizes are in a range about the first one."""
+        """Return boxes, shape (N, 4), with sizes clamped to a range about the first one."""
         bounded = boxes.copy()
         np.clip(boxes[:, 2:], _SMALLEST * self._first[2:], _LARGEST * self._first[2:],
                 out=bounded[:, 2:])
         return bounded
 
     def confidence(self, box: Array) -> float:
-        """Return how sure it is that the target is in a box, shape (4,): in [0, 1]."""
+        """Return the confidence, in [0, 1], that the target is in a box, shape (4,)."""
         rho = float(self._colour.coefficients(self._frame, box[None], self._reference)[0])
         similarity = (rho - self._floor) / (1 - self._floor)
         return logistic((similarity - _EVEN) / _WIDTH)
 
     def update(self, box: Array) -> None:
-        """Take the moving edges in a box, shape (4,), for the target's."""
+        """Update the reference of the moving edges from a box, shape (4,)."""
         if self._edges is not None:
             self._edges.update(box)
 
 
 def normalised_masses(likelihoods: Array, _: Array) -> Array:
     """
-    Fuse cues by the theory of evidence to the letter of [Qi2012, eqs 16-19].
+    Fuse cues by the theory of evidence as printed in [Qi2012, eqs 16-19].
 
-    Each cue's likelihoods are divided by their sum over the particles; what comes out is the
-    cue's basic probability of "this particle is the target" (eqs 16, 17). Two cues are combined
-    by Dempster's rule,
+    Each cue's likelihoods are divided by their sum over the particles; the result is the cue's
+    basic probability of "this particle is the target" (eqs 16, 17). Two cues are combined by
+    Dempster's rule,
 
         w = w_d w_D / (w_d w_D + (1 - w_d) (1 - w_D)),
 
     and divided by their sum again (eq. 19). Eq. 18 prints `(1 - w_d) w_D` in the denominator, by
     which the second cue cancels and w = w_d: the colour alone, which `cues=colour` runs.
 
-    A cue that abstains is the same for all particles: eqs 16 and 17 give each 1/N. The weight of
-    the last step, in both eq. 8 and eq. 15, isn't counted here but once, in the filter's step d.
+    A cue that abstains is the same for all particles: eqs 16 and 17 give each 1/N. The previous
+    weight, a factor in both eq. 8 and eq. 15, isn't applied here: the filter's step d does, once.
 
     Takes likelihoods, shape (cues, N), a row of NaN for a cue that abstains, and reliabilities,
-    of which the paper knows nothing. Returns the log of weights that sum to one, shape (N,).
+    which are ignored: the paper has none. Returns the log of weights that sum to one, shape (N,).
     """
     heard = np.where(np.isnan(likelihoods), 1.0, likelihoods)
     masses = heard / heard.sum(axis=1, keepdims=True)
     target, other = masses.prod(axis=0), (1 - masses).prod(axis=0)
     with np.errstate(divide='ignore'):
-        # two cues that are certain of different particles leave 0 / 0
+        # two cues that are certain of different particles would give 0 / 0
         fused = target / np.maximum(target + other, np.finfo(np.float64).tiny)
         result: Array = np.log(fused / max(fused.sum(), np.finfo(np.float64).tiny))
     return result
 
 
-#: Rules of fusion by name: our readings, and the second paper's to the letter.
+#: Rules of fusion by name: our interpretations, and the second paper's equations as printed.
 FUSIONS: dict[str, FusionRule] = {**FUSION_RULES, 'normalised': normalised_masses}

@@ -1,19 +1,19 @@
-"""The dynamics that the papers' "first-order autoregressive model" may stand for."""
+"""The dynamics that the papers' "first-order autoregressive model" may mean."""
 
 from vtrack_ros.estimation import ConstantVelocity
 from vtrack_ros.frame import Array
 
 #: Names of the dynamics.
 DYNAMICS = ('white_acceleration', 'constant_velocity', 'random_walk')
-#: Independent noise of the velocity, as a share of that of the place.
+#: Standard deviation of the velocity's independent noise, as a share of that of the position's.
 _VELOCITY_SHARE = 0.13
 
 
 class DiagonalNoise(ConstantVelocity):
     """
-    Places and velocities with independent noise, of the densities of `ConstantVelocity`.
+    Positions and velocities with independent noise, of the densities of `ConstantVelocity`.
 
-    Where places don't move (A is the identity), this is a random walk, and velocities say nothing.
+    Unless it `moves`, A is the identity: positions do a random walk; velocities have no effect.
     """
 
     def __init__(self, density: float, wander_density: float, moves: bool) -> None:
@@ -35,7 +35,7 @@ class DiagonalNoise(ConstantVelocity):
 
 
 def motion_model(dynamics: str, noise: float, size_noise: float) -> ConstantVelocity:
-    """Return the model of (cx, cy, vx, vy, w, h) of that name; noise a frame, in px."""
+    """Return the model of (cx, cy, vx, vy, w, h) of that name; noise per frame, in px."""
     if dynamics == 'white_acceleration':
         return ConstantVelocity(2, 2, noise**2, size_noise**2)
     return DiagonalNoise(noise**2, size_noise**2, dynamics == 'constant_velocity')

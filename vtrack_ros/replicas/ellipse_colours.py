@@ -16,15 +16,16 @@ Bins = NDArray[np.intp]
 
 #: Sample points along the ellipse's diameter, whatever its size in pixels.
 _GRID = 24
-#: The bandwidth is measured on an ellipse that is so much larger, or growth couldn't be seen.
+#: Factor by which the ellipse is enlarged to measure the bandwidth, or growth couldn't be seen.
 _REACH = 1.4
 #: The surroundings lie between these multiples of the ellipse.
 _NEAR, _FAR = 1.3, 2.2
 #: Bins of a grey frame's intensity.
 _GREY_LEVELS = 32
-#: Density below which a colour's weight sqrt(q / p) doesn't rise any more.
+#: Lower bound of the density p in a colour's weight sqrt(q / p); also added to the denominator of
+#: a pixel's likelihood ratio.
 _FLOOR = 1e-3
-#: A step of a climb that is shorter than this share of the semi-axis is the last one.
+#: Tolerance of mean shift: it stops after a step shorter than this share of the semi-axis.
 _STILL = 0.006
 
 
@@ -57,18 +58,17 @@ class EllipseColours:
     An ellipse is a centre and a frame: the matrix B, shape (2, 2) in pixels, that maps the unit
     disc onto the ellipse, so that the bandwidth matrix is `B B^T / sigma^2` [Yin2013, eq. 8]. It
     is sampled on a fixed grid of the disc, so that the cost doesn't depend on its size, and the
-    Gaussian kernel's values are constants. What's outside the image has no colour.
+    Gaussian kernel's values are constants. Points outside the image have no colour.
 
-    Colours that the first surroundings share count less, by their likelihood ratio
-    `q / (q + background)`, in target and candidates alike, in the manner of the
-    background-weighted histogram of Comaniciu et al. (2003), if it's `weighted`. The paper has no
-    such weights.
+    If it's `weighted`, colours that also occur in the first surroundings are weighted down, by
+    their likelihood ratio `q / (q + background)`, in target and candidates alike, in the manner of
+    the background-weighted histogram of Comaniciu et al. (2003). The paper has no such weights.
 
     The histogram is the colours' kernel density [Yin2013, eq. 1], `background` their frequency
-    about the target, shape (colours,) both. `bins` gives a colour's place in `density`, shape
-    (n + 1,), the weighted density `q` of the target's own n colours; the last is all others', 0.
-    A candidate's density is multiplied with `share`. The moment, shape (2, 2), is the inverse root
-    of the second moment of the target's weights, in units of its frame.
+    about the target, shape (colours,) both. `bins` gives a colour's index in `density`, shape
+    (n + 1,), the weighted density `q` of the target's own n colours; the last entry, for all other
+    colours, is 0. A candidate's density is multiplied by `share`. `moment`, shape (2, 2), is the
+    inverse root of the second moment of the target's weights, in units of its frame.
     """
 
     histogram: Array
@@ -85,8 +85,8 @@ class EllipseColours:
         """
         Learn the colours of the target in an ellipse, (2,) and (2, 2), [px].
 
-        `levels` is that of each channel, a power of 2 (a grey frame has 32); `weighted` is whether
-        colours that the surroundings share count less.
+        `levels` is the number of levels of each channel, a power of 2 (a grey frame has 32);
+        `weighted` is whether colours that the surroundings share are weighted down.
         """
         count = levels**3 if frame.ndim == 3 else _GREY_LEVELS
         inside = _colours(frame, *_spread(center, matrix, _ELLIPSE), levels)
@@ -101,7 +101,7 @@ class EllipseColours:
             frame, center, matrix, _REGION))))
 
     def updated(self, frame: Frame, center: Array, matrix: Array, rate: float) -> EllipseColours:
-        """Return the model after an example of that weight."""
+        """Return the model after an update of the histogram with that learning rate."""
         count = len(self.histogram)
         inside = _colours(frame, *_spread(center, matrix, _ELLIPSE), self._levels)
         seen = np.bincount(inside, _KERNEL, count + 1)[:count]
@@ -109,7 +109,7 @@ class EllipseColours:
 
     def coefficients(self, frame: Frame, centers: Array, matrix: Array) -> Array:
         """Return the candidates' Bhattacharyya coefficients, shape (N,) [Yin2013, eq. 5]."""
-        # x and y apart: sums over a last axis of two take five times as long
+        # x and y are separate arrays: sums over a last axis of two take five times as long
         (x, y), (columns, rows) = centers.T, _spread(np.zeros(2), matrix, _ELLIPSE)
         found = self._found(frame, x[:, None] + columns, y[:, None] + rows)
         count, size = len(centers), len(self.density)
@@ -117,7 +117,7 @@ class EllipseColours:
         density = np.bincount(
             found.ravel(), np.broadcast_to(_KERNEL, found.shape).ravel(), count * size)
         density = density.reshape(count, size) * self.share
-        # background colours have no share, but more than the target's own doesn't help
+        # only sums above 1 are normalised: a candidate with background colours stays below 1
         total = np.maximum(density.sum(1), 1.0)
         return np.minimum(np.sqrt(density) @ np.sqrt(self.density) / np.sqrt(total), 1.0)
 
@@ -125,8 +125,8 @@ class EllipseColours:
         """
         Return the nearest maximum of similarity, found by mean shift [Yin2013, eqs 2-3].
 
-        The mean of the sample points, weighted with kernel and `sqrt(q / p)`; as printed the
-        denominator lacks the weights and has a factor `s` too many.
+        A step goes to the mean of the sample points, weighted with kernel and `sqrt(q / p)`; as
+        printed the denominator lacks the weights and has a factor `s` too many.
         """
         columns, rows = _spread(np.zeros(2), matrix, _ELLIPSE)
         tolerance = _STILL * np.abs(matrix).max()
@@ -144,7 +144,7 @@ class EllipseColours:
 
     def growth(self, frame: Frame, center: Array, matrix: Array) -> Array:
         """
-        Return by which matrix A the target changed its form: its frame is `B A` now.
+        Return the matrix A by which the target's form changed: its frame is `B A` now.
 
         The second moment of the weights [Yin2013, eq. 11], here over an ellipse 1.4 times as
         large, relative to what it was at the start: for a target of colours that the background
@@ -156,7 +156,7 @@ class EllipseColours:
 
     def printed_growth(self, frame: Frame, center: Array, matrix: Array) -> Array:
         """
-        Return the matrix A by which [Yin2013, eq. 11] changes the form, to the letter.
+        Return the matrix A by which [Yin2013, eq. 11], as printed, changes the form.
 
         The new bandwidth matrix is the second moment of the weights over the ellipse. A target of
         colours that the background lacks ends in an ellipse 1.25 times as large as itself; one
@@ -166,11 +166,11 @@ class EllipseColours:
 
     @property
     def separation(self) -> float:
-        """How unlike its surroundings the target is: 1 where they share no colour."""
+        """Dissimilarity of target and surroundings, in [0, 1]: 1 where they share no colour."""
         return 1.0 - float(np.sqrt(self.histogram * self.background).sum())
 
     def likelihood(self, pixels: Frame) -> Array:
-        """Return how much each pixel's colour speaks for the target, in [0, 1]."""
+        """Return the likelihood ratio `q / (q + background)` of pixels' colours, in [0, 1]."""
         ratio = self.histogram / (self.histogram + self.background + _FLOOR)
         levels = self._levels if pixels.ndim == 3 else _GREY_LEVELS
         return ratio.take(joint_bins(cv2.split(pixels), levels))
@@ -180,7 +180,7 @@ class EllipseColours:
         return int(round(len(self.histogram) ** (1 / 3)))
 
     def _indexed(self) -> EllipseColours:
-        """Derive what the candidates are compared with."""
+        """Return the model with `bins`, `density` and `share` derived from the histograms."""
         own = self.histogram > 1e-4
         if not own.any():
             own = self.histogram >= self.histogram.max()
@@ -198,18 +198,18 @@ class EllipseColours:
         """Return each bin's weight sqrt(q / p) for a candidate [Yin2013, eq. 3]."""
         density = np.bincount(found, _KERNEL, len(self.density)) * self.share
         ratio = np.sqrt(self.density / np.maximum(density, _FLOOR))
-        # the background's colours pull as little as they count
+        # colours shared with the background get less weight here, too
         return ratio * self.share / max(float(self.share.max()), 1e-9)
 
     def _moment(self, frame: Frame, center: Array, matrix: Array, points: Array) -> Array:
-        """Return the weights' second moment over points of the disc, from the centre outwards."""
+        """Return the weights' second moment over points of the disc, sorted by their radius."""
         found = self._found(frame, *_spread(center, matrix, points))
         weights = self._weights(found[:_INSIDE])[found]
         total = weights.sum()
         if total <= 1e-9:
             return _UNIFORM.copy()
         result: Array = (points * weights[:, None]).T @ points / total
-        # a line or a point of samples has no inverse
+        # invertible even if all weight is on a line or a point
         return result + 1e-4 * np.eye(2)
 
     def _found(self, frame: Frame, x: Array, y: Array) -> Bins:
@@ -223,7 +223,7 @@ def _spread(center: Array, matrix: Array, points: Array) -> tuple[Array, Array]:
 
 
 def _colours(frame: Frame, x: Array, y: Array, levels: int) -> Bins:
-    """Return the colours at points; outside the frame, one more than there are."""
+    """Return the colours' bins at points; outside the frame, the number of colours."""
     height, width = frame.shape[:2]
     beyond = x.min() < 0 or y.min() < 0 or x.max() >= width or y.max() >= height
     index = y.astype(np.intp) * width + x.astype(np.intp)

@@ -1,4 +1,4 @@
-"""ABMSPF and ABMS: mean shift on an ellipse's colours, with few particles and without."""
+"""ABMSPF and ABMS: mean shift on an ellipse's colours, with and without a few particles."""
 
 from dataclasses import dataclass
 import math
@@ -17,22 +17,22 @@ from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.ellipse_colours import EllipseColours
 from vtrack_ros.tracker import Estimate, Tracker
 
-#: Frames of search after which it goes on in the whole frame [Yin2013, step 9].
+#: Frames of local search after which the whole frame is searched [Yin2013, step 9].
 _LOCAL_FRAMES = 10
-#: Candidates of a local search.
+#: Number of candidates of a local search.
 _CANDIDATES = 20
-#: At most so many samples of a frame are searched for blobs, and so many blobs are matched.
+#: Largest number of a frame's pixels that are searched for blobs, and of blobs that are matched.
 _SAMPLES, _BLOBS = 20000, 12
-#: Range of the axes' mean, relative to the first one, and the factor by which their ratio changes.
+#: Range of the axes' mean relative to the first one; largest factor by which their ratio changes.
 _SIZES, _ASPECT = (0.3, 4.0), 1.6
-#: Share of the measured change of form that is taken in one frame, where the target shares no
-#: colour with its surroundings.
+#: Share of the measured change of form (on a logarithmic scale) that is applied per frame, if the
+#: target shares no colour with its surroundings.
 _GAIN = 0.4
-#: An ellipse nearer to a circle than this ratio of the axes has no angle.
+#: Ratio of the axes below which an ellipse counts as a circle, without an angle.
 _ROUND = 1.15
-#: Similarity at which on and off the target are even, and the width of the transition.
+#: Similarity at which the confidence is 0.5, and the width of its logistic function.
 _EVEN, _WIDTH = 0.4, 0.1
-#: Width of the likelihood that the covariance is of, and errors in units of the size.
+#: Width of the likelihood for the covariance; added standard deviations (centre, size), in sides.
 _LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.33, 0.3
 
 _STENCIL = np.array([(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)])
@@ -64,29 +64,29 @@ class MeanShiftReplica(Tracker):
     ABMS: mean shift with an adaptive bandwidth, the baseline of [Yin2013, sec. 1.1].
 
     The target is the ellipse of eq. 8, compared by its colours (eqs 1, 4, 5). Where the similarity
-    falls to r, it searches the whole frame at once for blobs of these colours. Misprints, mended
-    always, for nothing can be run with them: eq. 2's denominator lacks the weights and has a
-    factor `s` too many; eq. 10 has `h11 - h12` for `h11 - h22`.
+    falls to r, it searches the whole frame at once for blobs of these colours. Misprints, always
+    corrected, for the method can't be run with them: eq. 2's denominator lacks the weights and has
+    a factor `s` too many; eq. 10 has `h11 - h12` for `h11 - h22`.
 
-    Mended:
+    Corrected:
 
-    - Colours that the first surroundings share count less, in the manner of Comaniciu et al.
-      (2003); without this the bandwidth follows the background (`background`).
+    - Colours that the first surroundings share are weighted down, in the manner of Comaniciu et
+      al. (2003); without this the bandwidth follows the background (`background`).
     - Eq. 11 lets an unchanged target grow by sigma^2 / 4: its moment is taken relative to the
-      first one. The matrix changes by at most `growth` a frame, the less the more colours the
-      target shares with its surroundings. It rests while the similarity is below the mean of th
-      and r, and goes back to what it was at th when the target is lost: what an occluder leaves
-      visible isn't the target's form.
+      first one. The matrix changes by at most `growth` per frame, and less the more colours the
+      target shares with its surroundings. It's constant while the similarity is below the mean of
+      th and r, and reset to the last one with similarity th or more when the target is lost: the
+      part that an occluder leaves visible isn't the target's form.
 
     `as_printed` undoes both: no weights, and the matrix is eq. 11's in every frame (step 4), one
-    iteration a frame. The range about the first matrix stays, or an ellipse on a background of
-    the same colours would grow without end.
+    iteration per frame. The bounds relative to the first matrix stay, or an ellipse on a
+    background of the same colours would grow without end.
     """
 
     NAME = 'abms_paper'
     SUMMARY = 'adaptive-bandwidth mean shift (ABMS), the baseline of Yin et al. 2013'
     PARAMETERS = _MEAN_SHIFT
-    #: What the last update's place is from: 'track', a stage of the search, or none.
+    #: Source of the last update's place: 'track', a stage of the search, or 'none'.
     stage = 'track'
 
     def _configure(self) -> None:
@@ -136,16 +136,16 @@ class MeanShiftReplica(Tracker):
         return self._estimate(frame, match.zeta, points)
 
     def _drawn(self, dt: float) -> Array:
-        """Return particles about where the target should be after `dt`, shape (N, 2)."""
+        """Return particles about the target's predicted place after `dt`, shape (N, 2)."""
         return np.zeros((0, 2))
 
     def _tracked(self, frame: Frame, points: Array) -> Match | None:
-        """Return the match near the last place, or None where all contradict each other."""
+        """Return the match near the last place; None if mean shift and particles contradict."""
         climbed = self._colours.climb(frame, self._center, self._matrix)
         return Match(climbed, float(self._score(frame, climbed[None])[0]))
 
     def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
-        """Search for the target; also return the place, shape (2,), to report where it fails."""
+        """Search for the target; also return the place, shape (2,), to report if it fails."""
         self.stage = 'everywhere'
         return self._likest(frame, self._blobs(frame)), self._center
 
@@ -155,7 +155,7 @@ class MeanShiftReplica(Tracker):
         return self._matched(frame, candidates, self._score(frame, candidates))
 
     def _matched(self, frame: Frame, candidates: Array, scores: Array) -> Match | None:
-        """Climb from the likest candidates; return the likest place if it's like enough."""
+        """Climb from the three best candidates; return the best place if it scores above r."""
         likest = [index for index in np.argsort(-scores)[:3] if scores[index] > self._rejected]
         if not likest:
             return None
@@ -212,7 +212,7 @@ class MeanShiftReplica(Tracker):
         return SIGMA * np.sqrt(np.diag(self._bandwidth))
 
     def _orientation(self, previous: float) -> float:
-        """Return the major axis's angle, near a previous one; the previous one of a circle."""
+        """Return the major axis's angle nearest to a previous one, which a circle keeps."""
         major, minor, angle = axes_of_bandwidth(self._bandwidth)
         return turned(angle, previous) if major > _ROUND * minor else previous
 
@@ -241,10 +241,10 @@ class MeanShiftParticleReplica(MeanShiftReplica):
 
     Mean shift gives one place, the best of a few particles another; they are fused by their
     distance and the similarity (eqs 13-15). The particles converge on the result and are redrawn
-    about it (sec. 2.2). A search in three stages begins where the two contradict each other or
-    nothing is like the target (sec. 2.4): one step ahead, near it, and after ten frames
-    everywhere; while it fails, the particles' mean about the forecast is reported, not the best of
-    them, which is the likest piece of background. What's mended is as in `MeanShiftReplica`.
+    about it (sec. 2.2). If the two contradict each other, or neither is similar to the target, a
+    search in three stages begins (sec. 2.4): one step ahead, near it, and after ten frames in the
+    whole frame. While it fails, the particles' mean about the forecast is reported: the best one
+    would be the most similar piece of background. Corrections are as in `MeanShiftReplica`.
     """
 
     NAME = 'abmspf_paper'

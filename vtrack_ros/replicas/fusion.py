@@ -1,4 +1,4 @@
-"""Fusing what several cues say about many hypotheses."""
+"""Fusion of several cues' likelihoods of many hypotheses."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from vtrack_ros.frame import Array
 
-#: No hypothesis is impossible: the smallest mass that a weight is left with.
+#: Lower bound of a fused weight, so that no hypothesis is impossible.
 _LEAST = 1e-12
 
 
@@ -15,7 +15,7 @@ def reliability(likelihoods: Array) -> Array:
     Return each cue's reliability, shape (cues,), of likelihoods (cues, N) in [0, 1].
 
     It's the contrast over the hypotheses, 1 - mean / maximum: a cue that gives all the same
-    likelihood tells nothing about them. 0 for one that abstains (NaN), or finds all impossible.
+    likelihood carries no information. 0 for one that abstains (NaN), or finds all impossible.
     """
     highest = likelihoods.max(axis=1)
     contrast = np.where(highest > 0, 1 - likelihoods.mean(axis=1) / np.maximum(highest, _LEAST), 0)
@@ -29,7 +29,7 @@ def product(likelihoods: Array, reliabilities: Array) -> Array:
 
 
 def weighted_sum(likelihoods: Array, reliabilities: Array) -> Array:
-    """Return the log of the mean that the reliabilities weight, shape (N,)."""
+    """Return the log of the mean weighted by the reliabilities, shape (N,)."""
     heard = reliabilities > 0
     total = reliabilities[heard] @ likelihoods[heard]
     return np.log(np.maximum(total / max(reliabilities[heard].sum(), _LEAST), _LEAST))
@@ -40,9 +40,9 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
     Combine the cues by Dempster's rule, hypothesis by hypothesis.
 
     For each hypothesis the frame of discernment is {target, other}. A cue of likelihood p and
-    reliability r has the masses r p for target, r (1 - p) for other and 1 - r for not knowing
+    reliability r has the masses r p for target, r (1 - p) for other and 1 - r for unknown
     (Shafer's discounting). [Qi2012, eq. 18] prints a denominator with which the second cue
-    cancels; for r = 1 this is what the rule gives, `p q / (p q + (1 - p)(1 - q))`.
+    cancels; for r = 1 this gives the correct `p q / (p q + (1 - p)(1 - q))`.
 
     Returns the log of the pignistic probability of target, shape (N,): its mass and half of the
     unknown.
@@ -53,7 +53,7 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
     for likelihood, trust in zip(likelihoods, reliabilities):
         if trust <= 0:
             continue
-        # a little doubt is left, or two certain cues that contradict each other divide by zero
+        # below 1, or two certain cues that contradict each other would divide by zero
         trust = min(trust, 0.99)
         for_target, for_other = trust * likelihood, trust * (1 - likelihood)
         for_unknown = 1 - trust
@@ -66,6 +66,6 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
     return np.log(np.maximum(target + unknown / 2, _LEAST))
 
 
-#: How to fuse, by name: functions of likelihoods (cues, N) and reliabilities (cues,).
+#: Rules of fusion by name: functions of likelihoods (cues, N) and reliabilities (cues,).
 FUSION_RULES: dict[str, Callable[[Array, Array], Array]] = {
     'dempster_shafer': dempster_shafer, 'product': product, 'sum': weighted_sum}

@@ -5,7 +5,7 @@ from vtrack_ros.localisation.filter_parameters import WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter
 
-#: Which component of the state is the derivative of which, and which are sizes.
+#: Components of the state: velocity -> the position that it's the derivative of; and the sizes.
 _VELOCITIES, _SIZES = {2: 0, 3: 1}, (4, 5)
 
 
@@ -16,26 +16,26 @@ class GreyReplica(BoxParticleFilter):
     Printed: from frame m on, particles come from N(g_k, P_k), g_k the forecast of each component
     of the state by GM(1,1) from the last m estimates (eqs 9-16), P_k the spread of the previous
     particles about it (eq. 17). The algorithm weights by the likelihood (sec. 4, step 3), eq. 5
-    by prior over proposal too: `weighting` has both.
+    by prior over proposal, too: `weighting` has both.
 
-    Misprints, mended always, for nothing can be run with them: eqs 14 and 16, see
+    Misprints, always corrected, for the method can't be run with them: eqs 14 and 16, see
     `estimation.grey`. GM(1,1) isn't defined for a series that isn't positive, and the paper
-    doesn't say what it does with velocities: such a series is moved up by its own range.
+    doesn't say what it does with velocities: such a series is shifted up by its own range.
 
-    Mended:
+    Corrected:
 
-    - The forecast moves and turns with the picture: series are moved to a fixed distance from
-      zero, and a velocity is the difference of forecast places. As printed a target at the left
-      is forecast otherwise than one at the right.
-    - Sizes aren't forecast, for what moves their series is noise.
-    - P_k is the spread of the particles moved on by the model of motion. That of eq. 17 holds the
-      square of the motion but not the uncertainty about it.
+    - The forecast doesn't depend on where in the image the target is, and hardly on its direction:
+      series are shifted to a fixed distance from zero, and a velocity is the difference of
+      forecast places. As printed a target at the left is forecast otherwise than one at the right.
+    - Sizes aren't forecast, for the changes in their series are noise.
+    - P_k is the spread of the particles after the model of motion's transition. That of eq. 17
+      contains the square of the motion but not its uncertainty.
     - A share of the particles comes from the transition prior, as in Chen et al. (2009), which
-      the paper cites, for a few wrong forecasts in a row carry all others away.
+      the paper cites, for a few wrong forecasts in a row can carry away all particles.
 
-    `as_printed` undoes these four. What it leaves is `floor` times the process noise in P_k: eq.
-    17 has none, and nothing keeps P_k up once resampling has made the particles one. With
-    `floor=0` beside it, eqs 9-18 are run to the letter but for the misprints.
+    `as_printed` undoes these four. It keeps `floor` times the process noise in P_k: eq. 17 has
+    none, and nothing keeps P_k from shrinking once resampling has made all particles the same.
+    With `floor=0` as well, eqs 9-18 are run as printed but for the misprints.
     """
 
     NAME = 'gmpf_paper'

@@ -1,4 +1,4 @@
-"""The keypoints of a target, in its own coordinates, that have moved with it so far."""
+"""A memory of the keypoints that move with a target, in the target's own coordinates."""
 
 import numpy as np
 
@@ -6,17 +6,18 @@ from vtrack_ros.frame import Array
 from vtrack_ros.geometry import affine
 from vtrack_ros.replicas.keypoints import Keypoints, nearest, pose_change, PoseChange
 
-#: Frames that show a keypoint after which it is taken for the target's own.
+#: Number of sightings from which on a keypoint counts as the target's own.
 _OWN = 3
-#: Frames for which a candidate is kept that isn't seen.
+#: Number of consecutive frames without a sighting after which a candidate is dropped.
 _PATIENCE = 2
 #: Most keypoints kept.
 _CAPACITY = 400
-#: A keypoint's place is the mean of the latest ones, about this many.
+#: A keypoint's place is a running mean over about this many of its latest sightings.
 _MEAN_OF = 30
-#: What a frame with a measured pose adds to the uncertainty of places, and one without.
+#: Growth of the uncertainty per frame (with a measured pose, without one); matches have the weight
+#: 1 / (1 + uncertainty).
 _MEASURED_UNCERTAINTY, _UNMEASURED_UNCERTAINTY = 0.02, 0.5
-#: Points agree within this share of the target's mean side, and one pixel at least.
+#: Inlier tolerance of points, as a share of the target's mean side; one pixel at least.
 _TOLERANCE = 0.04
 
 
@@ -25,22 +26,22 @@ class KeypointMemory:
     Remembers where on the target its keypoints are, and what they look like.
 
     Poses that are measured between consecutive frames accumulate their errors, and a keypoint of
-    the background or of an occluder within the box is as good as one of the target's. Here a new
-    keypoint is a candidate at first: only when it has been seen at the same place of the target in
-    several frames does it count as the target's own. Keypoints of what the target moves across
-    never do, and the pose is measured against places that stay, on the rectangle of a (width,
-    height) that affine frames map onto the target.
+    the background or of an occluder within the box counts as much as one of the target's. Here a
+    new keypoint is a candidate at first: it counts as the target's own once it has been seen at
+    the same place on the target in several frames (those of the first frame, at once). Keypoints
+    of the background behind a moving target fail that. The pose is measured against these places
+    on the rectangle of a (width, height) that affine frames map onto the target.
 
-    A place is as uncertain as the pose was when the keypoint was first seen there, and a pose is
-    as uncertain as the places that it was measured from. Without keypoints the uncertainty grows,
-    so that those known before a time without them outvote those that came after it.
+    A place is as uncertain as the poses were when the keypoint was seen there, on average, and a
+    pose is as uncertain as the places that it was measured from. In frames without keypoints the
+    uncertainty grows, so that keypoints from before such a gap outweigh those from after it.
     """
 
     def __init__(self, size: tuple[float, float]) -> None:
         self._half = np.array(size) / 2
         self._points = np.zeros((0, 2))
         self._descriptors = np.zeros((0, 128), np.float32)
-        #: Times seen, frames since the last one, and uncertainty.
+        #: Of each keypoint: number of sightings, frames since the last one, and uncertainty.
         self._seen_times = np.zeros(0)
         self._unseen = np.zeros(0)
         self._uncertainties = np.zeros(0)
@@ -49,7 +50,7 @@ class KeypointMemory:
 
     def measure(self, seen: Keypoints, state: Array,
                 rng: np.random.Generator) -> PoseChange | None:
-        """Return how the target moved from where an affine frame, shape (3, 3), has it."""
+        """Return how the target moved from its affine frame, shape (3, 3); None if unknown."""
         self._seen = seen
         self._which, self._as = nearest(self._descriptors, seen.descriptors)
         own = self._seen_times[self._which] >= _OWN
@@ -62,13 +63,13 @@ class KeypointMemory:
         if change is None:
             self.uncertainty += _UNMEASURED_UNCERTAINTY * self._started
         else:
-            # weights are 1 / (1 + uncertainty)
+            # weights are 1 / (1 + uncertainty): this is the harmonic mean of 1 + uncertainty
             mean = len(change.weights) / float(change.weights.sum())
             self.uncertainty = _MEASURED_UNCERTAINTY + mean - 1
         return change
 
     def learn(self, state: Array) -> None:
-        """Learn which of the frame's keypoints agree with the target's affine frame in it."""
+        """Learn from the keypoints last measured, with the target's affine frame there."""
         inverse = affine.inverse(state)
         seen = self._seen.points @ inverse[:2, :2].T + inverse[:2, 2]
         off = seen[self._as] - self._points[self._which]
@@ -78,13 +79,13 @@ class KeypointMemory:
         self._unseen[which] = 0
         self._seen_times[which] += 1
         if self._measured:
-            # what is seen elsewhere isn't the target's: in the first frame all are taken for that
+            # seen elsewhere, it isn't the target's; in the first frame all count as the target's
             self._seen_times[self._which[~agrees]] -= 1
         share = 1 / np.minimum(self._seen_times[which], _MEAN_OF)
         self._points[which] += share[:, None] * off[agrees]
         self._uncertainties[which] += share * (self.uncertainty - self._uncertainties[which])
         self._descriptors[which] = self._seen.descriptors[seen_as]
-        # of keypoints that have become the same one the least uncertain stays
+        # of keypoints that match the same one, the least uncertain is kept
         order = np.lexsort((self._uncertainties[which], seen_as))
         same = np.zeros(len(order), np.bool_)
         same[1:] = np.diff(seen_as[order]) == 0
@@ -96,7 +97,7 @@ class KeypointMemory:
         count = int(fresh.sum())
         kept = np.flatnonzero(~gone)
         if len(kept) + count > _CAPACITY:
-            # those seen lately stay
+            # the most recently seen ones are kept
             kept = kept[np.argsort(self._unseen[kept], kind='stable')[:_CAPACITY - count]]
         self._points = np.concatenate([self._points[kept], seen[fresh]])
         self._descriptors = np.concatenate(

@@ -1,4 +1,4 @@
-"""How a target moved between two frames, from the keypoints that both show."""
+"""The movement of a target between two frames, from keypoints matched between them."""
 
 from dataclasses import dataclass
 
@@ -10,20 +10,22 @@ from vtrack_ros.appearance.sampling import PixelWindow
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
 
-#: Side of the widest window that keypoints are searched in, in samples.
+#: Largest mean side of the window that keypoints are detected in, in samples.
 _RESOLUTION = 80
+#: Largest number of keypoints in a window.
 _KEYPOINTS = 80
-#: A match counts if its descriptor is this much nearer than the second nearest [Lowe 2004].
+#: Ratio test: upper bound of a match's descriptor distance to the second nearest's [Lowe 2004].
 _RATIO = 0.8
-#: Known descriptors this much farther than the nearest are views of the same keypoint.
+#: Known descriptors up to this factor farther than the nearest one are views of the same keypoint.
 _SAME = 1.25
+#: Number of RANSAC's hypotheses.
 _TRIALS = 100
-#: Fewest matches that agree, and the fewest as a share of all.
+#: Fewest inliers, and the fewest as a share of all matches.
 _FEWEST = 4
 _FEWEST_SHARE = 0.3
-#: Largest change of the logarithm of the scale and largest rotation, [rad]; and those that take
-#: more matches to be believed.
+#: Largest allowed change of the logarithm of the scale, and largest rotation, [rad].
 _LARGEST_GROWTH, _LARGEST_TURN = 1.0, 1.6
+#: The same, but above either of these a pose needs more inliers; and their fewest.
 _LARGE_GROWTH, _LARGE_TURN = 0.25, 0.5
 _FEWEST_IF_LARGE = 6
 
@@ -41,7 +43,7 @@ class PoseChange:
     """
     The rotation, change of scale and translation between two frames, shape (3, 3), in pixels.
 
-    With the matched points, shape (M, 2), that agree with it, and what each of them counts for.
+    With the inliers among the matched points, shape (M, 2), and their weights, shape (M,).
     """
 
     matrix: Array
@@ -79,10 +81,10 @@ class KeypointDetector:
 def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
         NDArray[np.intp], NDArray[np.intp]]:
     """
-    Return which known descriptors (M, d) were seen (N, d) again, and as which: rows of either.
+    Match known descriptors (M, d) with seen ones (N, d); return the matches' rows in both.
 
-    A match has to be better than the second best by Lowe's ratio. What was seen may be more than
-    one of those known, if they're about as near: then they are views of the same keypoint.
+    A match has to pass Lowe's ratio test. Several known descriptors may match the same seen one if
+    they're about equally near to it: then they are views of the same keypoint.
     """
     if not len(known) or len(seen) < 2:
         none = np.zeros(0, np.intp)
@@ -102,10 +104,10 @@ def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
 def pose_change(before: Array, after: Array, tolerance: float, rng: np.random.Generator,
                 weights: Array | None = None) -> PoseChange | None:
     """
-    Return the pose change that most matches agree with, or None where too few do.
+    Return the pose change of the largest consensus of matches; None if that is too small.
 
-    RANSAC over pairs of matches [Fischler and Bolles 1981], then least squares over those that
-    agree to a tolerance, [px]: rotation by the Sylvester equation, translation by [Xiang, eq. 4].
+    RANSAC over pairs of matches [Fischler and Bolles 1981], then least squares over the inliers
+    within a tolerance, [px]: rotation by the Sylvester equation, translation by [Xiang, eq. 4].
     """
     count = len(before)
     if count < _FEWEST:
@@ -174,7 +176,7 @@ def sylvester_rotation(before: Array, after: Array) -> Array:
 
         P^-1 L + L P^-1 = R0^T M P^-1 + P^-1 M^T R0 - 2 I.
 
-    Its solution moves R0; at the fixed point R is a rotation and the least squares one. [Xiang,
+    Its solution updates R0; at the fixed point R is the least squares rotation. [Xiang,
     eqs 2-3; the printed formulas are lost, this is the derivation that the text describes.]
     """
     scatter, cross = before.T @ before, after.T @ before
@@ -200,10 +202,10 @@ def sylvester_rotation(before: Array, after: Array) -> Array:
 
 def keypoint_error(states: Array, before: Array, change: PoseChange) -> Array:
     """
-    Return how far keypoints land from their matches if the target moved into each affine frame.
+    Return the error of the matches if the target moved into each of the affine frames.
 
-    The weighted mean square of the distances, [px^2], shape (N,) [Xiang, sec. 3.3.3; the text
-    sums, which would make the term's weight depend on how many keypoints there happen to be].
+    It's the weighted mean of the squared distances, [px^2], shape (N,) [Xiang, sec. 3.3.3; the
+    text has a sum, with which the term's weight would depend on the number of keypoints].
     """
     moves = states @ affine.inverse(before)
     # the mean of |A u - w|^2 over points u = (x, y, 1) and their matches w, from the moments

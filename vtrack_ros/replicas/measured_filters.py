@@ -26,15 +26,15 @@ class MeasuredParticleFilter(BoxParticleFilter):
     """
     Each particle is drawn from the posterior N(x_i, P_i) of a filter of its own [Qi2012, sec. 2].
 
-    Printed: the filter of a particle goes on from the covariance that it had, and the weight is
+    Printed: the filter of a particle keeps its covariance between steps, and the weight is
     w_prev p(z|x) p(x|x_prev) / q(x|x_prev, z) [Zhu2012, eq. 5; Qi2012, sec. 2.2 d].
 
-    Mended: a particle's own filter starts from the particle, which is known, so with no
-    covariance; one that is kept counts the doubt about x_prev twice, in itself and in the spread
-    of the particles. And the weight is the likelihood's alone, for the measurement and the
-    likelihood are of the same pixels, and a ratio of densities in six dimensions leaves weight to
-    few particles; `weighting=full` has it. `as_printed` has both as printed. The estimate is the
-    weighted mean before resampling, of which [Qi2012, sec. 2.2 f] takes a sample.
+    Corrected: a particle's own filter starts from the particle, which is known, so with zero
+    covariance; one that is kept counts the uncertainty of x_prev twice, in itself and in the
+    spread of the particles. And the weight is the likelihood alone, for the measurement and the
+    likelihood are of the same pixels, and with a ratio of densities in six dimensions few
+    particles keep any weight; `weighting=full` has it. `as_printed` has both as printed. The
+    estimate is the weighted mean before resampling; [Qi2012, sec. 2.2 f] takes a sample of that.
     """
 
     PARAMETERS = BOX_PARAMETERS + WEIGHTING + ParameterTable([
@@ -82,11 +82,11 @@ class QuadratureReplica(MeasuredParticleFilter):
     Dempster's rule as if they were probabilities of one particle being the target (eqs 16-19).
     With masses of about 1/N that is close to the product.
 
-    Mended (`fusion=dempster_shafer`): likelihoods are divided by the highest, a cue counts as much
-    as it tells the particles apart (Shafer's discounting), and half of what's unknown is the
-    target's; see `replicas.fusion`. `fusion=normalised` has eqs 16-19 to the letter but for
-    the misprint in eq. 18, see `normalised_masses`; `as_printed` has it in place of
-    `dempster_shafer`, and what `MeasuredParticleFilter` says.
+    Corrected (`fusion=dempster_shafer`): likelihoods are divided by the highest, a cue is
+    discounted the less it tells the particles apart (Shafer's discounting), and half of the
+    unknown mass is the target's; see `replicas.fusion`. `fusion=normalised` has eqs 16-19 as
+    printed but for the misprint in eq. 18, see `normalised_masses`; `as_printed` has it in place
+    of `dempster_shafer`, and does the same as in `MeasuredParticleFilter`.
     """
 
     NAME = 'qkpf_paper'
@@ -105,11 +105,11 @@ class QuadratureReplica(MeasuredParticleFilter):
 
 class PrunedQuadratureReplica(QuadratureReplica):
     """
-    P-QKPF: the quadrature filter without its light points [Qi2012, eqs 20-22].
+    P-QKPF: the quadrature filter without its points of small weight [Qi2012, eqs 20-22].
 
-    The threshold of eq. 20 is that of two dimensions: in the six of a box it leaves the centre
-    alone, which is no filter, so that it's never as printed here; what is done, and what the
-    regrouping of eqs 21 and 22 does, is in `pruned_gauss_hermite`.
+    The threshold of eq. 20 is that of two dimensions: in the six of a box it leaves only the
+    centre, which is no filter, so it's never used as printed here. For the threshold used, and for
+    the regrouping of eqs 21 and 22, see `pruned_gauss_hermite`.
     """
 
     NAME = 'pqkpf_paper'

@@ -7,17 +7,18 @@ from numpy.typing import NDArray
 from vtrack_ros.appearance.histogram import Boxes, sampled_histograms
 from vtrack_ros.frame import Array, Frame
 
+#: Number of bins of the gradient's direction.
 _DIRECTIONS = 16
 #: Sample points along each side of a box, and the weight of each.
 _GRID = 12
 _WEIGHTS = np.full(_GRID**2, 1 / _GRID**2)
-#: Share of the reference that one frame's histogram makes.
+#: Learning rate of the reference histogram.
 _RATE = 0.1
-#: Gradient of the difference, |gx| + |gy|, that makes an edge [Qi2012, eq. 12].
+#: Gradient of the difference, |gx| + |gy|, above which a pixel is an edge [Qi2012, eq. 12].
 _EDGE = 5
-#: A target with a smaller share of edges is taken for standing still.
+#: Share of edges in a box below which the target counts as standing still.
 _MOVING = 0.05
-#: Side of the image in which the camera's motion is measured.
+#: Side of the resized image in which the camera's motion is measured, in pixels.
 _SHIFT_SIDE = 64
 
 
@@ -29,7 +30,7 @@ class MotionEdge:
     over each box, with one more bin for points without an edge. The frames are first aligned by
     the global shift between them, so that a moving camera doesn't make everything move.
 
-    The reference follows the target in each frame that it moves in.
+    The reference histogram is updated in each frame in which the target moves.
     """
 
     def __init__(self) -> None:
@@ -62,7 +63,7 @@ class MotionEdge:
         return np.exp(-distance2 / (2 * sigma**2))
 
     def update(self, box: Array) -> None:
-        """Take the edges in a box (cx, cy, width, height) for the target's, if it moves."""
+        """Update the reference from a box (cx, cy, width, height), if the target moves."""
         if self._codes is None:
             return
         histogram = self.histograms(box[None])[0]
@@ -99,7 +100,7 @@ class MotionEdge:
 
 
 def _global_shift(previous: Frame, grey: Frame) -> tuple[float, float]:
-    """Return by how much the picture moved (x, y), in pixels, where that's plain to see."""
+    """Return the global shift (x, y), in pixels, by phase correlation; 0 if its peak is low."""
     small = [cv2.resize(image, (_SHIFT_SIDE, _SHIFT_SIDE), interpolation=cv2.INTER_AREA
                         ).astype(np.float32) for image in (previous, grey)]
     window = cv2.createHanningWindow((_SHIFT_SIDE, _SHIFT_SIDE), cv2.CV_32F)

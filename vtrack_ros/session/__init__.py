@@ -1,1 +1,1 @@
-"""Following one target through stamped frames; no ROS."""
+"""Tracking one target through stamped frames, independent of ROS."""

@@ -1,4 +1,4 @@
-"""What a target looked like when it was selected, to begin with again."""
+"""A picture of a target as it was selected, from which a tracker can learn it again."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.affine import rotation
 
-#: A picture shows so many times the target's sides, all that a search window may reach.
+#: Side of the region that a picture shows, relative to the target's longer side: as far as a
+#: search window may reach.
 _SHOWN = 4.0
-#: The longest side of a picture, in pixels: larger ones are kept smaller.
+#: The longest side of a picture, in pixels: larger ones are scaled down.
 LONGEST_SIDE = 256
 
 
@@ -28,7 +29,7 @@ class Exemplar:
 
     @classmethod
     def of(cls, frame: Frame, box: Box) -> Exemplar:
-        """Keep what a frame shows of the target in a box and about it."""
+        """Keep a frame's picture of the target in a box and of its surroundings."""
         left, top, width, height = surroundings(frame, box)
         picture = shrunk(frame[top:top + height, left:left + width], LONGEST_SIDE)
         across, down = picture.shape[1] / width, picture.shape[0] / height
@@ -37,13 +38,13 @@ class Exemplar:
 
     def placed(self, box: Box, shape: tuple[int, ...], angle: float = 0.0) -> Frame:
         """
-        Return an image of a shape with the target in a box; the picture's border repeats.
+        Return an image of a shape with the target in a box; the picture's border is repeated.
 
-        The target is turned, with all about it, by an angle about the box's centre, [rad].
+        The whole picture is rotated by an angle, [rad], about the box's centre.
         """
         scale = np.array([box.width / self.box.width, box.height / self.box.height])
         turn = rotation(np.asarray(angle)) * scale
-        # OpenCV counts from the centre of a pixel, boxes from its outer corner
+        # OpenCV's origin is the centre of the first pixel, that of boxes its outer corner
         moved = np.array(box.center) - 0.5 + turn @ (0.5 - np.array(self.box.center))
         return np.asarray(cv2.warpAffine(
             self.picture, np.column_stack([turn, moved]), (shape[1], shape[0]),

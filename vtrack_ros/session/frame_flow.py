@@ -1,19 +1,23 @@
-"""The flow of a camera's frames: which came, which never did, and which begin another stream."""
+"""Statistics of a camera's frames: received, late and missing ones, and restarts of a stream."""
 
 from collections import deque
 from enum import Enum
 
 from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
-#: How many latencies and processing times are remembered.
+#: Number of the latest latencies and processing times that are kept.
 MEMORY = 300
-#: A step in the stamps of more frames than this is a pause, not a loss.
+#: A step in the stamps by more frames than this is a pause, and none of them counts as missing.
 LONGEST_GAP = 30
-#: How much earlier than the newest a late frame may be stamped, in nanoseconds.
+#: How much earlier than the newest a late frame may be stamped, in nanoseconds; what is earlier
+#: belongs to a clock that was set back or a stream that begins again.
 LATEST = 1_000_000_000
-#: How much more may pass between two frames by their stamps than on our clock, in nanoseconds.
+#: How much more time may pass between two frames by their stamps than on our clock, in
+#: nanoseconds; a frame that is stamped further ahead counts as late.
 AHEAD = 60_000_000_000
-#: So many frames in a row that are stamped before the newest are no late ones.
+#: From this many frames in a row that are stamped before the newest, or too far ahead, their
+#: stamps are believed. If the first stamp recurs after this many frames in order, the stream
+#: begins again.
 MOST_LATE = 3
 
 
@@ -34,9 +38,9 @@ class FrameFlow:
     """
     Counts frames, and times them.
 
-    `missing` ones never came, as the gaps between the stamps tell; `late` ones came after later
-    ones, or are stamped far ahead. `fault` is that of the last malformed one, `largest` the size
-    of the largest image in bytes; `processing` and `latency` are the latest ones in ms.
+    `missing` frames never came, by the gaps between the stamps; `late` ones came after later ones,
+    or are stamped far ahead. `fault` describes the last malformed one, `largest` is the size of
+    the largest image in bytes; `processing` and `latency` are the latest times in ms.
     """
 
     def __init__(self) -> None:
@@ -73,9 +77,9 @@ class FrameFlow:
             return Arrival.LATE
         if stamp < newest:
             self._late_in_a_row += 1
-            # A driver that leaves out the stamp at times.
+            # Some drivers leave out the stamp of some frames.
             unset = stamp == 0 < self._first
-            # Nothing but the first frame has its stamp, once there are others.
+            # After frames in order, only the stream's first frame itself can have its stamp.
             first_again = stamp <= self._first and self._in_order >= MOST_LATE and not unset
             if ((unset or stamp >= newest - LATEST) and self._late_in_a_row < MOST_LATE
                     and not first_again):
@@ -98,7 +102,7 @@ class FrameFlow:
         """
         Count a malformed frame, which came and so isn't missing; the arguments as for `arrived`.
 
-        Its stamp is believed only if the next good frame's fits.
+        Its stamp is used only if it's between those of the good frames before and after it.
         """
         self.malformed += 1
         self.fault = fault
@@ -106,7 +110,7 @@ class FrameFlow:
         self._spoilt.append(stamp)
 
     def interrupt(self) -> None:
-        """Note that nobody takes frames for a while: what is sent meanwhile isn't missing."""
+        """Note that no frames are taken for a while: those sent meanwhile aren't missing."""
         self._interrupted = True
         self._first_arrival = self._since = 0
 

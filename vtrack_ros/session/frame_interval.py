@@ -1,17 +1,19 @@
-"""How long a frame of the stream usually takes, and how many of them passed or never came."""
+"""The usual interval between frames, and how many frames passed or never came in a longer one."""
 
 from collections import deque
 from statistics import median
 
 import numpy as np
 
-#: How many of the latest intervals the usual one is the median of.
+#: Number of the latest intervals; their median is the usual one.
 _USUAL = 15
-#: How many of them tell the camera's own interval, where frames are lost.
+#: Number of the latest intervals that the camera's own one is fitted to, where frames are lost.
 _MEMORY = 100
-#: Intervals scatter about whole frames by no more than this share of one, where stamps are good.
+#: Largest median deviation of intervals from whole multiples of the camera's, as a share of it,
+#: with which stamps count as regular.
 _REGULAR = 0.15
-#: What is longer by more than so many median deviations than a frame isn't explained by jitter.
+#: An interval that exceeds the camera's by less than this many median deviations is explained by
+#: jitter.
 _BEYOND_JITTER = 6.0
 
 
@@ -24,7 +26,7 @@ class FrameIntervalEstimator:
 
     @property
     def interval(self) -> float | None:
-        """Return the usual interval [ns], which neither jitter nor a lost frame moves."""
+        """Return the usual interval [ns], robust to jitter and lost frames."""
         return median(list(self._intervals)[-_USUAL:]) if self._intervals else None
 
     def add(self, interval: int) -> None:
@@ -41,8 +43,8 @@ class FrameIntervalEstimator:
         Take the next interval; return how many frames never came in it.
 
         The camera's own interval is a short one among the latest: even where most frames are lost,
-        some neighbours come through. Where the stamps shake so much that nobody can tell one frame
-        from two, only gaps beyond the jitter count.
+        some consecutive ones arrive. Where the jitter of the stamps is so large that one frame
+        can't be told from two, only gaps beyond the jitter count.
         """
         self.add(interval)
         if not 0.6 * self._period < interval < 1.4 * self._period:
@@ -52,7 +54,7 @@ class FrameIntervalEstimator:
         return max(0, round(interval / self._period) - 1)
 
     def _fit(self) -> None:
-        """Fit the camera's interval to the latest ones, each a whole number of it."""
+        """Fit the camera's interval to the latest ones, each a whole multiple of it."""
         intervals = np.sort(np.asarray(self._intervals, np.float64))
         period = max(1.0, float(intervals[len(intervals) // 10]))
         for _ in range(10):

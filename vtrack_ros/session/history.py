@@ -1,13 +1,13 @@
-"""The latest frames, kept for selections that were drawn on them and come late."""
+"""A buffer of the latest frames, for selections that were drawn on them and come late."""
 
 from collections import deque
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 
-#: How far a stamp may be from the frame that it means, in intervals of the frames.
+#: How far a selection's stamp may be from that of its frame, in frame intervals.
 TOLERANCE = 1.5
-#: The interval of frames that too few came of to tell, in nanoseconds.
+#: Frame interval that is assumed until one was measured, in nanoseconds.
 USUAL_INTERVAL = 100_000_000
 
 
@@ -15,7 +15,7 @@ class FrameHistory:
     """
     The latest frames: none older than `seconds`, and no more of them than `megabytes` hold.
 
-    The newest one is kept whatever it takes.
+    The newest one is always kept, whatever its size.
     """
 
     def __init__(self, seconds: float, megabytes: float) -> None:
@@ -47,11 +47,11 @@ class FrameHistory:
 
     @property
     def tolerance(self) -> float:
-        """Return how far a stamp may be from a frame that it means, in nanoseconds."""
+        """Return how far a selection's stamp may be from that of its frame, in nanoseconds."""
         return TOLERANCE * (self._interval.interval or USUAL_INTERVAL)
 
     def instead(self, stamp: int) -> str:
-        """Say which frames are kept, and what to do for one of `stamp`, which isn't."""
+        """Return a text: which frames are kept, and how to get one of `stamp`, which isn't."""
         oldest, newest = self._frames[0][0], self._frames[-1][0]
         more = f'raise {self._limit} to keep more, ' if stamp < oldest and self._limit else ''
         return (f'frames are kept from {seconds(oldest)} to {seconds(newest)} s; {more}'

@@ -1,4 +1,4 @@
-"""What a session knows of a target that it may not see any more."""
+"""The last measurement of a target, which may be out of sight since then."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from vtrack_ros.geometry import Box
 @dataclass(frozen=True)
 class LastMeasurement:
     """
-    Where the target was last measured, on that frame, stamped in nanoseconds.
+    Where the target was last measured, in the frame with that stamp in nanoseconds.
 
-    The box is the one that it would have if it hadn't turned by the angle, [rad], since it was
+    The box is upright: it doesn't include the target's rotation by the angle, [rad], since it was
     selected.
     """
 
@@ -22,6 +22,6 @@ class LastMeasurement:
 
     @property
     def bound(self) -> Box:
-        """Return the box about the target as it has turned."""
+        """Return the axis-aligned bound of the rotated target."""
         size = self.box.width, self.box.height
         return Box.around_ellipse(self.box.center, size, self.angle) if self.angle else self.box

@@ -1,4 +1,4 @@
-"""How the target moves: what a Kalman filter makes of the boxes that any tracker measures."""
+"""The target's velocity: a Kalman filter on the boxes that any tracker measures."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.tracker import Estimate
 
-#: Beyond so many seconds without a measurement nothing is known of the motion any more.
+#: Time [s] after the latest measurement beyond which the motion counts as unknown.
 LONGEST_FORECAST = 0.5
-#: So many frames that nobody asked about are remembered for the first who does.
+#: Number of the latest estimates that are queued until the motion is requested.
 _BACKLOG = 30
-#: Densities of the white acceleration of a steady and an erratic target, in mean sides^2/s^3, and
-#: the seconds in which their velocities fade.
+#: Of the two hypotheses (steady, erratic): spectral density of the white acceleration, in mean
+#: sides^2/s^3; and time constant of the velocity's exponential decay, in seconds.
 _DENSITIES, _FADING = (2.0, 500.0), (math.inf, 0.1)
-#: The seconds in which either becomes the other.
+#: Time constant of switching between the hypotheses, in seconds.
 _SWITCHING = 0.33
-#: What a logarithm of the size changes by, where the centre does by a mean side.
+#: Unit of the logarithms of the size: a change by this counts like one mean side of the centre.
 _SIZE_SHARE = 0.5
-#: Standard deviation of a velocity that nothing is known of, in mean sides/s.
+#: Standard deviation of the initial, unknown velocity, in mean sides/s.
 _FIRST_VELOCITY = 3.0
-#: The share of a tracker's variance that is another error in each frame; the rest is much the same
-#: from frame to frame, and looks like no motion.
+#: Share of a tracker's variance that is independent from frame to frame: the measurement noise.
+#: The rest changes little between frames, and so doesn't look like motion.
 _JITTER_SHARE = 0.05
-#: Standard deviation of the jitter that any tracker has, in mean sides.
+#: Standard deviation of the jitter that is added for every tracker, in mean sides.
 _LEAST_JITTER = 0.01
-#: Variances of a tracker that doesn't say any, in the units of the state.
+#: Variances assumed for a tracker that gives none, in the units of the state.
 _USUAL = np.array([0.005, 0.005, 0.04, 0.04])
-#: Beyond this squared Mahalanobis distance it's no motion: one in a million, chi-square of 2.
+#: Squared Mahalanobis distance of an innovation beyond which it's a jump, not motion: exceeded
+#: once in a million, chi-square with 2 degrees of freedom.
 _JUMP = 27.6
 
 
@@ -57,11 +58,12 @@ class MotionFilter:
     A Kalman filter on measured boxes in real time, the same for every tracker.
 
     The state is the centre in mean sides of the target, the logarithms of its size, and their
-    velocities. Two hypotheses interact [Blom1988], of a target at nearly constant velocity and of
-    one that darts to and fro: so the acceleration fits the target, and the covariance as well.
+    velocities. Two hypotheses interact [Blom1988]: a target at nearly constant velocity, and one
+    that moves erratically. So the assumed acceleration, and the covariance, fit the target.
 
-    Where nothing is measured time passes. What is found again where constant velocity hasn't taken
-    it, or comes from further off than a target can go, begins anew: a jump is no velocity.
+    Frames without a measurement are skipped. The filter restarts where a target is found again at
+    a place that constant velocity doesn't explain, or jumps further than either hypothesis
+    explains: a jump is no velocity.
     """
 
     def __init__(self) -> None:
@@ -77,14 +79,14 @@ class MotionFilter:
         self._side, self._stamp = 1.0, 0
 
     def add(self, estimate: Estimate, stamp: int) -> None:
-        """Take a frame's estimate, stamped in ns; it's filtered when somebody asks."""
+        """Queue a frame's estimate, stamped in ns; it's filtered when the motion is requested."""
         self._pending.append((estimate, stamp))
 
     def motion(self, age: float = 0.0) -> Motion | None:
         """
-        Return the motion `age` seconds after the latest frame; None unless it was measured there.
+        Return the motion `age` seconds after the latest frame; None if that has no measurement.
 
-        The measured box goes on with the velocity, and its covariance, the tracker's, grows.
+        The measured box, with the tracker's covariance, is extrapolated with the velocity.
         """
         while self._pending:
             self._update(*self._pending.popleft())
@@ -99,7 +101,7 @@ class MotionFilter:
         units = _units(self._side, box)
         velocity = units * state[4:]
         slope = np.diag([*units, *units])
-        # a larger box grows faster at the same rate
+        # the size's velocity in pixels is proportional to the size, so it varies with that
         slope[[6, 7], [2, 3]] = _SIZE_SHARE * velocity[2:]
         covariance = slope @ covariance @ slope.T
         return Motion(box, velocity, covariance if self._known else covariance * math.nan)
@@ -123,7 +125,7 @@ class MotionFilter:
         self._coasted = False
 
     def _follow(self, jitter: GaussianNoise, scale: float, dt: float) -> bool:
-        """Filter the latest place, `dt` seconds on; False if no motion takes the target there."""
+        """Filter the latest place, after `dt` seconds; False, unchanged, if it's a jump."""
         if self._beliefs is None:
             return False
         scales = np.array([scale, scale, 1.0, 1.0] * 2)
@@ -132,7 +134,7 @@ class MotionFilter:
                      self._beliefs.covariance * np.outer(scales, scales)),
             self._weights, switching(len(self._weights), dt, _SWITCHING))
         prior = self._filter.predict(beliefs, dt)
-        # of centre and size, (K, 2): squared Mahalanobis distances by the inverse of each 2 x 2
+        # squared Mahalanobis distances of centre and size, (K, 2), by the inverse of each 2 x 2
         innovation = self._place - prior.mean[:, :4]
         spread = prior.covariance[:, :4, :4] + jitter.covariance
         variance, mixed = spread.diagonal(axis1=1, axis2=2), spread[:, [0, 2], [1, 3]]
@@ -140,10 +142,10 @@ class MotionFilter:
         determinant = xx * yy - mixed * mixed
         distance = (yy * dx * dx - 2 * mixed * dx * dy + xx * dy * dy) / determinant
         furthest = distance.max(axis=1)
-        # not a number, it's none either
+        # the negation rejects NaN as well
         if not (furthest[0] if self._coasted else furthest.min()) <= _JUMP:
             return False
-        # how steady the centre is; a size is only measured now and then
+        # log-likelihood of the centre alone: the size isn't measured in every frame
         evidence = -0.5 * (distance[:, 0] + np.log(determinant[:, 0]))
         weights = weights * np.exp(evidence - evidence.max())
         self._weights = weights / weights.sum()
@@ -161,7 +163,7 @@ class MotionFilter:
 
 
 def _error(estimate: Estimate, units: Array) -> tuple[Array, bool]:
-    """Return a tracker's covariance in units of the state, and whether it said any."""
+    """Return a tracker's covariance in the state's units and True, or `_USUAL` and False."""
     error = estimate.covariance / np.outer(units, units)
     if np.isfinite(error).all() and np.linalg.eigvalsh(error)[0] > -_LEAST_JITTER**2:
         return error, True
@@ -169,5 +171,5 @@ def _error(estimate: Estimate, units: Array) -> tuple[Array, bool]:
 
 
 def _units(side: float, box: Box) -> Array:
-    """Return what one of the state's units is of a box, [px]."""
+    """Return how many pixels one unit of each of the four state components is, for a box."""
     return np.array([side, side, _SIZE_SHARE * box.width, _SIZE_SHARE * box.height])

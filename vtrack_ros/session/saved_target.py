@@ -1,4 +1,4 @@
-"""A target as data: what another process needs to go on with it."""
+"""A target as data, from which another process can continue tracking it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from vtrack_ros.session.exemplar import Exemplar, LONGEST_SIDE, surroundings
 from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.session import TrackingSession
 
-#: How the text begins; what doesn't is none of ours.
+#: How the text of a saved target begins; any other text is rejected.
 MARK = '{"format": "vtrack_ros target 1"'
-#: No side of a target is shorter in its picture, which may be a smaller one, in pixels.
+#: Shortest side of the target's box in its first picture, which may be scaled down, in pixels.
 _SHORTEST_SIDE = 1e-3
 
 
@@ -34,9 +34,9 @@ class SavedTarget:
     `stamp` [ns] and `frame_id` are those of that frame, `shape` is its shape; `interval` [ns] is
     the usual one between frames (0: unknown), `time` [ns] the wall clock when it was saved. `node`
     and `tracker` are names, `identity` is the target's class and id. `picture` is a JPEG of the
-    frame's region (left, top, width, height) [px] about the target; `first_picture` one of the
-    target when it was selected, and `first_box` its box in that. Since then it has turned by the
-    `angle`, [rad]; the box is what it would be if it hadn't.
+    frame's region (left, top, width, height) [px] about the target; `first_picture` is one of the
+    target when it was selected, and `first_box` its box in that. `angle`, [rad], is its rotation
+    since then; `box` is upright, without that rotation.
     """
 
     node: str
@@ -58,9 +58,9 @@ class SavedTarget:
     def of(cls, session: TrackingSession, identity: tuple[str, str], node: str, frame_id: str,
            time: int) -> Callable[[], SavedTarget] | None:
         """
-        Return what makes the data of a session's target; None where there is none.
+        Return a function that makes the data of a session's target; None without a target.
 
-        Making them takes milliseconds, and may be done in another thread.
+        Calling it takes milliseconds, and may be done in another thread.
         """
         seen, first = session.last_measurement, session.exemplar
         if seen is None or first is None:
@@ -77,7 +77,7 @@ class SavedTarget:
 
     @classmethod
     def parsed(cls, text: str) -> SavedTarget:
-        """Return what `text` spells; a ValueError says what is wrong with it."""
+        """Return the target that `text` holds; a ValueError says what is wrong with it."""
         if not text.startswith(MARK):
             raise ValueError(f'it does not begin with {MARK}')
         try:
@@ -118,7 +118,7 @@ class SavedTarget:
 
     def check(self, frame: Frame, stamp: int, frame_id: str, now: int, longest: float) -> None:
         """
-        Raise a ValueError that says why the target isn't the one of a stream that begins.
+        Raise a ValueError, with the reason, if the target isn't that of a stream that begins.
 
         The stream's first frame is stamped `stamp` [ns] in `frame_id`, and came at `now` [ns] on
         the wall clock, at most `longest` seconds after the target was saved.
@@ -140,9 +140,9 @@ class SavedTarget:
 
     def measurement(self) -> LastMeasurement:
         """
-        Return where it was last measured, on an image with nothing but the picture.
+        Return its last measurement, on an image that has the picture and its repeated border.
 
-        ValueError if that can't be decoded.
+        ValueError if the picture can't be decoded.
         """
         left, top, width, height = self.region
         pixels = cv2.resize(
@@ -152,7 +152,7 @@ class SavedTarget:
         return LastMeasurement(frame, self.stamp, self.box, self.angle)
 
     def exemplar(self) -> Exemplar:
-        """Return what the target looked like at first; ValueError if it can't be decoded."""
+        """Return its first picture; ValueError if that can't be decoded, or lacks its box."""
         picture, box = self._decoded(self.first_picture), self.first_box
         if box.clipped(picture.shape[1], picture.shape[0]) is None or min(
                 box.width, box.height) < _SHORTEST_SIDE:

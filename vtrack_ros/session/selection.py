@@ -1,4 +1,4 @@
-"""Selecting the target: boxes, started on the frames that they were drawn on."""
+"""Selecting the target by a box or a click, in the frame that it was drawn on."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,8 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.session.history import FrameHistory, seconds
 from vtrack_ros.trackers import Frame
 
-#: How far ahead of the frames a selection may be however few are kept, in nanoseconds.
+#: How far ahead of the newest frame a selection may be stamped, in nanoseconds; further if the
+#: history is longer.
 LEAST_AHEAD = 500_000_000
 #: The shortest side of a box that can be followed, in pixels.
 LEAST_SIDE = 2.0
@@ -15,7 +16,7 @@ LEAST_SIDE = 2.0
 
 @dataclass(frozen=True)
 class Click:
-    """A point of the target, and the side of the square about it; 0: the extent is found."""
+    """A point of the target, and the side of a square about it; 0: find the target's extent."""
 
     x: float
     y: float
@@ -35,10 +36,10 @@ class Click:
 @dataclass(frozen=True)
 class Selection:
     """
-    A target that `source`, a topic or a parameter, pointed out, by a box or a click.
+    A target that `source`, a topic or a parameter, selected by a box or a click.
 
-    It was drawn on the frame of `stamp` [ns], None: on the next one. With `clamp` only the part
-    inside the image is meant; an `automatic` one is a detector's, which may come with every frame.
+    It was drawn on the frame of `stamp` [ns]; None: it's for the next frame. With `clamp` the box
+    is clipped to the image; an `automatic` one is a detector's, which may come with every frame.
     """
 
     box: Box | Click
@@ -53,7 +54,7 @@ class Selection:
         """
         Return the box to start on.
 
-        ValueError if no part of it or not its centre is inside the frame, or a side is too short.
+        ValueError if the box or its centre is outside the frame, or a side is too short.
         """
         height, width = frame.shape[:2]
         box = self.box.box_on(frame) if isinstance(self.box, Click) else self.box
@@ -74,14 +75,14 @@ class Selection:
 
 
 class Selector:
-    """Holds a selection, the `pending` one, until the frame that it was drawn on is there."""
+    """Holds a selection, the `pending` one, until the frame that it was drawn on has come."""
 
     def __init__(self, history: FrameHistory) -> None:
         self._history = history
         self.pending: Selection | None = None
 
     def select(self, selection: Selection) -> None:
-        """Take a selection; the latest one counts. ValueError if its frame is gone."""
+        """Take a selection in place of any pending one. ValueError if its frame is gone."""
         stamp, oldest = selection.stamp, self._history.oldest
         if stamp is not None and oldest is not None and stamp < oldest - self._history.tolerance:
             raise ValueError(
@@ -90,11 +91,11 @@ class Selector:
 
     def ready(self) -> tuple[Selection, list[tuple[int, Frame]]] | None:
         """
-        Return the selection and the frames to start and go on with, once its frame is there.
+        Return the selection, and its frame and all later ones, once its frame has come; else None.
 
-        To be asked when a frame has come: only then is it known what time it is for the camera,
-        which may have been paused, or may not have begun, when the selection was made.
-        ValueError if its frame isn't there, or too far ahead to be ever seen; it's forgotten then.
+        Call it when a frame has come: only then is the camera's time known, which may have been
+        paused, or may not have begun, when the selection was made. ValueError if there is no frame
+        of its stamp, or the stamp is too far ahead; the selection is dropped then.
         """
         selection, newest = self.pending, self._history.newest
         if selection is None or newest is None:

@@ -1,4 +1,4 @@
-"""Following one target through a stream of stamped frames: what node and replay share."""
+"""Tracking one target through a stream of stamped frames, for node and replay alike."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,25 +16,26 @@ from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.motion_filter import Motion, MotionFilter
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
 
-#: A longer gap than this, in frames, says nothing about how far a target moved.
+#: Upper bound of a time step, in frames: a longer gap says no more about the target's movement.
 LONGEST_STEP = 30.0
-#: How often a new tracker is shown the target as it was seen last; before, it's shown turning by
-#: steps of that, [rad].
+#: A new tracker is updated this many times with the frame of the last measurement; and before
+#: that, with the exemplar rotated in steps of at most this angle, [rad].
 _SHOWN, _TURN = 5, 0.1
-#: How much its box has to overlap the one of then, and how near its rotation has to be, [rad].
+#: It has recognised the target if its box overlaps the last measured one by at least this (IoU),
+#: and its rotation differs by at most this, [rad].
 _SAME_PLACE, _SAME_ANGLE = 0.5, 0.3
 
 
 class TrackingSession:
     """
-    Runs the chosen tracker over stamped frames and keeps the target through every change.
+    Runs the chosen tracker over stamped frames; changes of tracker or parameters keep the target.
 
     A stamp that goes backwards (a bag that loops, a clock that was set back) or a frame of another
     size ends the tracking: the session then has no target until it's started again. A stamp that
     stands still (a driver that doesn't stamp) counts as one frame interval.
 
-    The seed is that of every tracker that it makes, `parameters` are tracker name -> parameter
-    name -> value; what's missing has its default. TypeError or ValueError if one is wrong.
+    Every tracker is created with the seed; `parameters` are tracker name -> parameter name ->
+    value, and default where missing. TypeError or ValueError if one is wrong.
     """
 
     def __init__(self, tracker: str = 'gmpf', seed: int = 0,
@@ -107,7 +108,7 @@ class TrackingSession:
 
     def take_up(self, seen: LastMeasurement, interval: int, exemplar: Exemplar) -> None:
         """
-        Begin where another session ended, on what it measured last.
+        Continue with the target of another session, from its last measurement.
 
         `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`.
         """
@@ -133,9 +134,9 @@ class TrackingSession:
 
     def warm_up(self) -> None:
         """
-        Load what a tracker loads with its first frames; before the first start.
+        Track random pixels, so that all is loaded; to be called before the first start.
 
-        Otherwise that would take the time of several frames just when the target is selected.
+        Otherwise loading would take the time of several frames just when the target is selected.
         """
         # NumPy loads it with the first median or percentile
         import_module('numpy.ma')
@@ -156,7 +157,7 @@ class TrackingSession:
         name = self._name if tracker is None else tracker
         seed = self._seed if seed is None else seed
         given = {owner: dict(values) for owner, values in (parameters or {}).items()}
-        # The one in use checks its own, all of them together, when it takes them.
+        # The tracker in use checks its own parameters, all together, in `configure`.
         own = given.pop(name, {})
         others = {owner: _checked(owner, values) for owner, values in given.items()}
         replacement = None
@@ -189,11 +190,11 @@ class TrackingSession:
 
     def _show(self, tracker: Tracker, seen: LastMeasurement, exemplar: Exemplar) -> None:
         """
-        Let a tracker learn the target from its exemplar, and then from what was seen last.
+        Start a tracker on the exemplar, and update it with the frame of the last measurement.
 
-        For what was seen last is off by a little, and that would add up. In between the exemplar
-        is shown turning until it's as it was seen last. Where the target isn't recognised so, or
-        the tracker can't turn, it's learned from what was seen last alone.
+        The last measurement alone has a small error, which would accumulate. In between, the
+        exemplar is shown rotated in steps up to the last measured angle. If the tracker doesn't
+        recognise the target then, or can't measure rotation, it's started on the last measurement.
         """
         frame, stamp, shape = seen.frame, seen.stamp, seen.frame.shape
         self._start(tracker, exemplar.placed(seen.box, shape), stamp, seen.box)
@@ -206,11 +207,11 @@ class TrackingSession:
                 and estimate.box.iou(seen.bound) >= _SAME_PLACE
                 and abs(math.remainder(estimate.angle - seen.angle, math.tau)) <= _SAME_ANGLE):
             self._start(tracker, frame, stamp, seen.bound)
-            # what its usual response is, is learned in the frame after the first: this one again
+            # the usual response is learned in the second frame, for which this one is used again
             self.update(frame, stamp)
 
     def _take_over(self, tracker: Tracker, afresh: bool = False) -> Estimate | None:
-        """Let a new tracker start where the target was last measured, and catch up."""
+        """Start a new tracker on the last measurement, and update it with the latest frame."""
         seen, interval, exemplar = self._last_measurement, self._interval, self._exemplar
         frame, stamp = self._frame, self._stamp
         if seen is None or frame is None:
@@ -221,7 +222,7 @@ class TrackingSession:
             else:
                 self._show(tracker, seen, exemplar)
         except ValueError:
-            # A tracker may measure a box beyond the border, where no other one can begin.
+            # A tracker may measure a box outside the image, where no tracker can start.
             self.forget()
             return None
         self._interval = interval
@@ -235,7 +236,7 @@ def _checked(owner: str, values: Mapping[str, Any]) -> dict[str, Value]:
 
 @contextmanager
 def _named(owner: str) -> Iterator[None]:
-    """Put the tracker's name before what it says of its parameters."""
+    """Prefix errors about a tracker's parameters with its name."""
     try:
         yield
     except (TypeError, ValueError) as error:

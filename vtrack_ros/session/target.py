@@ -1,4 +1,4 @@
-"""One target: selected, tracked, given up."""
+"""One target: selecting it, tracking it and giving it up."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -13,28 +13,28 @@ from vtrack_ros.tracker import Estimate, TrackState
 
 
 class Log(Protocol):
-    """What a target tells of what becomes of it."""
+    """Where a target's events are logged."""
 
     def info(self, text: str) -> None:
-        """Tell of what was asked for."""
+        """Log that a request was carried out."""
 
     def warning(self, text: str) -> None:
-        """Tell of a target that was given up."""
+        """Log that a target was given up."""
 
     def error(self, text: str) -> None:
-        """Tell of what somebody asked for in vain."""
+        """Log that a request was refused."""
 
     def repeated_error(self, text: str) -> None:
-        """Tell of what may go wrong with every frame."""
+        """Log an error that may recur with every frame."""
 
 
 class Target:
     """
-    Tracks one target, from whatever selects it until it's given up.
+    Tracks one target, from its selection until it's given up.
 
-    The session is its own; several targets may share the history of the latest frames, the one to
-    be tracked included. `init_box` is selected with the first frame of every stream; `identity`
-    is the target's class and id.
+    Each target has a session of its own; several may share the history of the latest frames, which
+    has to include the frame to be tracked. `init_box` is selected with the first frame of every
+    stream; `identity` is the target's class and id.
     """
 
     def __init__(self, session: TrackingSession, history: FrameHistory, log: Log) -> None:
@@ -57,13 +57,13 @@ class Target:
         return 'waiting' if self.estimate is None else self.estimate.state.value
 
     def begin_stream(self, from_init_box: bool = True) -> None:
-        """Forget what belongs to another stream; `init_box` is where the target is in this one."""
+        """Forget the previous stream's target; by default select `init_box` in the new one."""
         self.forget()
         if from_init_box and self.init_box is not None:
             self._selector.select(self.init_box)
 
     def set_init_box(self, box: Box | None, source: str) -> None:
-        """Take a box that counts from the next frame on, and in every stream; None for none."""
+        """Set the box to select in the next frame and in every new stream; None: no box."""
         before, self.init_box = self.init_box, None if box is None else Selection(box, source)
         if self.init_box is not None:
             self._selector.select(self.init_box)
@@ -71,18 +71,19 @@ class Target:
             self._selector.pending = None
 
     def select(self, selection: Selection) -> None:
-        """Take a selection instead of any target so far; ValueError if its frame is gone."""
+        """Take a selection that replaces the present target; ValueError if its frame is gone."""
         self._selector.select(selection)
 
     def saved(self, node: str, frame_id: str, time: int) -> Callable[[], SavedTarget] | None:
-        """Return what makes the target as data, see `SavedTarget.of`; None for no target."""
+        """Return a function that makes the target's data: see `SavedTarget.of`."""
         return SavedTarget.of(self._session, self.identity, node, frame_id, time)
 
     def take_up(self, saved: SavedTarget, source: str) -> bool:
         """
-        Go on with a target of the same stream that `source` saved; return whether it was taken.
+        Continue with a target of the same stream that `source` saved; return whether it was taken.
 
-        It counts before `init_box`, but after any other selection. ValueError if it's of no use.
+        It takes precedence over `init_box`, but not over a target or any other selection.
+        ValueError if it can't be used.
         """
         pending = self._selector.pending
         if self.estimate is not None or pending is not None and pending is not self.init_box:
@@ -100,7 +101,7 @@ class Target:
 
     @property
     def wanted(self) -> bool:
-        """Return whether a detector's selection is of use: there is no target, or it is lost."""
+        """Whether a detector may select: no target or a lost one, and no pending selection."""
         lost = self.estimate is None or self.estimate.state is TrackState.LOST
         return lost and self._selector.pending is None
 
@@ -111,7 +112,7 @@ class Target:
         try:
             estimate = self._started() or self._session.update(frame, stamp)
         except Exception as error:
-            # Whatever a tracker comes across in the pixels, the program must outlive it.
+            # No failure of a tracker, whatever the pixels, may end the program.
             self._log.repeated_error(f'tracker {self._session.tracker} failed, the target is '
                                      f'forgotten: {type(error).__name__}: {error}')
             self._session.forget()
@@ -121,12 +122,12 @@ class Target:
         return estimate
 
     def forget(self) -> None:
-        """Give the target up, and any that was about to be one."""
+        """Give up the target, and any pending selection."""
         self._session.forget()
         self._selector.pending = None
 
     def _started(self) -> Estimate | None:
-        """Start on the selection whose frame is there; None where there's none."""
+        """Start on the pending selection if its frame has come; None if not started."""
         pending = self._selector.pending
         source, automatic = (pending.source, pending.automatic) if pending else ('', False)
         try:
@@ -151,7 +152,7 @@ class Target:
 
 
 def _change(before: tuple[int, ...], now: tuple[int, ...]) -> str:
-    """Say what is different in frames of another shape."""
+    """Return a text that says how the frames' shape changed."""
     if before[:2] != now[:2]:
         sizes = [' x '.join(map(str, shape[1::-1])) for shape in (before, now)]
         return f'the image size changed from {sizes[0]} to {sizes[1]}'
