@@ -1,4 +1,4 @@
-"""A real Chromium, told what to do over its DevTools protocol."""
+"""A real Chromium, controlled over its DevTools protocol."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Page:
                            buttons=1, clickCount=1)
 
     async def phone(self) -> None:
-        """Be a phone from now on."""
+        """Emulate a phone's screen and touch input from now on."""
         await self.ask('Emulation.setDeviceMetricsOverride', width=390, height=844,
                        deviceScaleFactor=2, mobile=True)
         await self.ask('Emulation.setTouchEmulationEnabled', enabled=True)
@@ -77,7 +77,7 @@ class Page:
         await self.ask('Input.dispatchTouchEvent', type='touchEnd', touchPoints=[])
 
     async def screenshot(self, path: Path) -> None:
-        """Write what is seen as PNG."""
+        """Write a screenshot of the page as PNG."""
         answer = await self.ask('Page.captureScreenshot')
         path.write_bytes(base64.b64decode(answer['data']))
 

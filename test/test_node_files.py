@@ -18,28 +18,28 @@ from vtrack_ros.ros.parameter_node import INIT_BOX, NODE_PARAMETERS, parameter_t
 from vtrack_ros.trackers import tracker_class, tracker_names
 import yaml
 
-#: The topics and services that a node called tracker offers, as layouts name them.
+#: The topics that a node called tracker publishes, as layouts name them.
 OFFERED = ['/pose', '/pose_with_covariance', '/twist', '/detections', '/bounding_box',
            '/tracker/state', '/tracker/particles', '/tracker/debug_image', '/diagnostics']
 
 
 @pytest.mark.parametrize('name', files())
 def test_made_from_the_table(repository, name):
-    """Files and table say the same; after a change of the table they are to be made again."""
+    """Each generated file is up to date with the table of parameters."""
     path = repository / name
     assert path.is_file() and path.read_text() == files()[name], (
         f'{name} is not what the table says: run python -m vtrack_ros.ros.parameter_files')
 
 
 def parameters(repository, name):
-    """Return what a parameter file sets."""
+    """Return the parameters that a parameter file sets."""
     tree = yaml.safe_load((repository / 'config' / f'{name}.yaml').read_text())
     return tree['/**']['ros__parameters']
 
 
 @pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_parameter_files_hold_the_defaults(repository, tracker):
-    """Read as ROS reads them, they choose a tracker and give its parameters their defaults."""
+    """Each sets the tracker, and that tracker's parameters to their defaults, and nothing else."""
     values = parameters(repository, tracker)
     assert values.pop('tracker') == tracker
     assert values.pop(tracker, {}) == tracker_class(tracker).PARAMETERS.defaults()
@@ -47,19 +47,19 @@ def test_parameter_files_hold_the_defaults(repository, tracker):
 
 
 def test_the_nodes_own_parameters_have_a_file(repository):
-    """All but the choice of a tracker, with their defaults."""
+    """config/node.yaml has all node parameters but `tracker`, with their defaults."""
     assert {**parameters(repository, 'node'), 'tracker': 'gmpf'} == NODE_PARAMETERS.defaults()
 
 
 def test_a_node_takes_every_parameter_file(repository):
-    """The real node, started with one file after another, has that tracker."""
+    """A node started with all parameter files has the last one's tracker, and all defaults."""
     arguments = ['--params-file', str(repository / 'config' / 'node.yaml')]
     trackers = tracker_names(replicas=False)
     for tracker in trackers:
         arguments += ['--params-file', str(repository / 'config' / f'{tracker}.yaml')]
     with NodeProcess(*arguments), Client() as client:
         assert client.parameters.wait_for_services(20)
-        # The last file wins for what all of them have.
+        # Of a parameter that several files set, the last file's value is used.
         assert client.get('tracker') == [trackers[-1]]
         table = parameter_table()
         names = [name for name in table if name != 'tracker']
@@ -69,7 +69,7 @@ def test_a_node_takes_every_parameter_file(repository):
 
 
 def test_layouts_name_topics_that_exist(repository):
-    """The two of them show what the node publishes."""
+    """The layouts of RViz and Foxglove only name topics that the node publishes."""
     config = repository / 'config'
     tree = yaml.safe_load((config / 'vtrack.rviz').read_text())
     displays = tree['Visualization Manager']['Displays']
@@ -101,7 +101,7 @@ def test_targets_file(repository):
 
 @pytest.mark.parametrize('name', ['tracker.launch.py', 'multi.launch.py'])
 def test_launch_files(repository, name):
-    """They are Python, say how to be used, and describe a launch where launch is installed."""
+    """They are Python, document their use, and describe a launch where launch is installed."""
     path = repository / 'launch' / name
     tree = ast.parse(path.read_text())
     assert f'ros2 launch vtrack_ros {name}' in ast.get_docstring(tree)
@@ -117,7 +117,7 @@ def test_launch_files(repository, name):
 
 @pytest.fixture
 def launched(repository, monkeypatch):
-    """Return what makes the nodes of a launch file, as plain values; launch itself is no wheel."""
+    """Return a function that makes a launch file's nodes; launch (there's no wheel) is mocked."""
     configuration = SimpleNamespace(
         LaunchConfiguration=lambda name: SimpleNamespace(perform=lambda given: given[name]))
     stand_ins = {
@@ -150,7 +150,7 @@ def values(node):
 
 
 def test_launch_passes_on_what_is_given(launched, repository):
-    """What isn't said is left to the parameter file, or to the node's defaults."""
+    """Only given arguments are passed on; others are left to parameter file or defaults."""
     file = str(repository / 'config' / 'pf.yaml')
     node, = launched('tracker.launch.py', params_file=file)
     assert node.parameters[0] == file and values(node) == {}
@@ -160,14 +160,14 @@ def test_launch_passes_on_what_is_given(launched, repository):
         use_sim_time='true', init_box='[300, 200, 60, 80]', camera_info='/info')
     assert values(node) == {'tracker': 'pf', 'image_transport': 'compressed',
                             'use_sim_time': True, 'init_box': [300.0, 200.0, 60.0, 80.0]}
-    # Only one of the two is subscribed to, as the transport says, wherever that was set.
+    # The node subscribes to one of the two image topics, depending on its image_transport.
     assert sorted(node.remappings) == [
         ('camera_info', '/info'), ('image', '/camera'), ('image/compressed', '/camera')]
 
 
 @pytest.mark.parametrize('text', ['', '[]'])
 def test_launch_without_a_box(launched, text):
-    """Nothing is nothing: launch has no type for an empty list."""
+    """An empty init_box isn't passed on, because launch has no type for an empty list."""
     node, = launched('tracker.launch.py', init_box=text)
     assert 'init_box' not in values(node)
 
@@ -175,13 +175,13 @@ def test_launch_without_a_box(launched, text):
 @pytest.mark.parametrize('text', ['300,200,60,80', '[300, 200, 60]', 'here', '[a, b, c, d]', '7',
                                   '0', '[1, 2, -3, 4]', '[1, 2'])
 def test_launch_refuses_what_is_no_box(launched, text):
-    """It says what is valid."""
+    """A wrong init_box raises an error that says what is valid."""
     with pytest.raises((TypeError, ValueError), match=r'valid is \[x, y, width, height\]'):
         launched('tracker.launch.py', init_box=text)
 
 
 def test_launch_starts_again_what_ended(launched, tmp_path):
-    """With respawn, and a file in which the target outlives the node."""
+    """Nodes get `respawn` and `state_file` if they are given; `respawn` must be a bool."""
     node, = launched('tracker.launch.py')
     assert not node.respawn and 'state_file' not in values(node)
     node, = launched('tracker.launch.py', respawn='true', state_file='/run/target.json')
@@ -197,7 +197,7 @@ def test_launch_starts_again_what_ended(launched, tmp_path):
 
 
 def test_launch_of_several_targets(launched, tmp_path):
-    """Each has its namespace, and all that is said of it and no more."""
+    """Each has its namespace, and only the parameters and remaps of its own entry in the file."""
     path, mine = tmp_path / 'targets.yaml', tmp_path / 'mine.yaml'
     mine.touch()
     path.write_text(f"""
@@ -222,7 +222,7 @@ third:
 
 
 def test_launch_refuses_a_file_that_is_not_there(launched, tmp_path):
-    """Whoever mistypes it hears of it before a node runs with other parameters."""
+    """A params_file that doesn't exist raises an error before a node runs without it."""
     with pytest.raises(FileNotFoundError, match='params_file nowhere.yaml does not exist'):
         launched('tracker.launch.py', params_file='nowhere.yaml')
     path = tmp_path / 'targets.yaml'
@@ -232,14 +232,14 @@ def test_launch_refuses_a_file_that_is_not_there(launched, tmp_path):
 
 
 def test_compressed_images_beside_the_raw_ones():
-    """A remap of image alone moves what the transport puts beside it."""
+    """A remap of image alone moves image/compressed as well."""
     with NodeProcess('-r', 'image:=/camera/image_raw', '-r', '__ns:=/arm',
                      image_transport='compressed') as process:
         process.wait_for_log('images are taken from /camera/image_raw/compressed')
 
 
 def test_image_topic_is_that_of_the_transport():
-    """Remapped as the launch files do it, the node takes what the parameter says, from there."""
+    """With both image topics remapped to one, the node takes its transport's images from there."""
     remaps = ['-r', 'image:=/camera', '-r', 'image/compressed:=/camera']
     with NodeProcess(*remaps, image_transport='compressed') as process, (
             Client(publish=CompressedImage, topic='camera')) as client:
@@ -249,7 +249,7 @@ def test_image_topic_is_that_of_the_transport():
 
 
 def test_launch_files_depend_on_what_they_import(repository):
-    """Who installs the package's run-time dependences can launch it."""
+    """All that they import is in the standard library or a run-time dependency of the package."""
     root = ElementTree.parse(repository / 'package.xml').getroot()
     needed = {element.text for element in root.iter('exec_depend')}
     needed |= {'vtrack_ros', 'yaml' if 'python3-yaml' in needed else ''}
@@ -268,13 +268,14 @@ def test_documentation_names_every_row(repository):
     rows = ['image', 'image/compressed', 'camera_info', '~/init', '~/init_roi',
             '~/init_point', '~/init_detections', 'pose', 'pose_with_covariance', 'twist',
             'detections', 'bounding_box', '~/state', '~/particles', '~/debug_image',
-            '/diagnostics', '~/reset', '~/enable', '~/reinit', '/tf']
+            '/diagnostics', '~/reset', '~/enable', '~/reinit', '~/larger', '~/smaller',
+            '/tf']
     for name in (*rows, INIT_BOX, *NODE_PARAMETERS):
         assert f'`{name}`' in text, name
 
 
 def test_profile_is_found_and_not_forced_on_anybody():
-    """A child gets our profile, unless somebody chose another; the node a lighter one."""
+    """A child process gets our profile unless another is set; the node gets a smaller one."""
     path = str(profile_path())
     assert with_profile({}) == dict.fromkeys(VARIABLES, path)
     chosen = {VARIABLES[0]: '/my/profile.xml'}
@@ -289,7 +290,7 @@ def test_profile_is_found_and_not_forced_on_anybody():
 
 @pytest.mark.parametrize('program', ['rviz', 'foxglove'])
 def test_layouts_of_a_namespace(repository, capsys, program):
-    """Every topic is the node's; the one of all nodes stays."""
+    """All topics but /diagnostics are in the given namespace; without one, the file is printed."""
     assert main(['layout', program, 'arm/left']) == 0
     printed = capsys.readouterr().out
     layout = json.loads(printed) if program == 'foxglove' else yaml.safe_load(printed)

@@ -1,4 +1,4 @@
-"""Pointing out the target: by detection, by region, by parameter, by a detector."""
+"""Selecting the target: by a box, a region, a click or a detector; reset and pause."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PointStamped
@@ -37,7 +37,7 @@ def process():
 
 @pytest.fixture(scope='module')
 def client(process):
-    """Return a client whose node has seen nothing yet."""
+    """Return a client of a node that hasn't received any image yet."""
     with Client() as client:
         client.ready()
         client.init = client.publisher('~/init', Detection2D)
@@ -66,17 +66,17 @@ def play(client, count=1, visible=True):
 
 
 def stamp(client, back=0):
-    """Return the stamp of the newest frame, or of one before."""
+    """Return the stamp of the newest frame, or of the one `back` frames before it."""
     return START + STEP * (client.index - 1 - back)
 
 
 def taken(client, process, since):
-    """Wait until the node has heard of a selection; it says so with the next frame."""
+    """Wait until the node has started on a selection, which it logs."""
     process.wait_for_log('started', since)
 
 
 def select(client, process, publisher, message, words='started'):
-    """Publish a selection, send frames until the node has said `words`; return the answers."""
+    """Publish a selection, send frames until the log has `words`; return the answers."""
     since = len(process.log)
     publisher.publish(message)
     rows = []
@@ -87,7 +87,7 @@ def select(client, process, publisher, message, words='started'):
 
 
 def test_nothing_without_a_target(client):
-    """Every image is answered, with no box, no pose."""
+    """Without a target every image is answered, with no box and no pose."""
     poses = len(client.heard['pose'])
     assert all(not answer.detections for answer, _ in play(client, 3))
     client.until(lambda: client.heard['~/state'][-1].message == 'waiting', 'not waiting')
@@ -95,7 +95,7 @@ def test_nothing_without_a_target(client):
 
 
 def test_init_on_the_newest_frame(client, process):
-    """A detection without a stamp means what is seen now."""
+    """A detection without a stamp starts on the next frame, with its own class and id."""
     play(client)
     rows = select(client, process, client.init,
                   detection(SCENE.box(client.index), class_id='ball', score=1.0,
@@ -108,7 +108,7 @@ def test_init_on_the_newest_frame(client, process):
 
 
 def test_late_init_starts_on_the_pixels_it_was_drawn_on(client, process):
-    """A stamp picks its frame from the buffer, though the target has moved on since."""
+    """A stamped selection starts on its frame in the buffer, and catches up with the target."""
     play(client, 12)
     drawn = client.index - 1 - 10
     assert SCENE.box(drawn).iou(SCENE.box(client.index)) < 0.2
@@ -118,7 +118,7 @@ def test_late_init_starts_on_the_pixels_it_was_drawn_on(client, process):
 
 
 def test_too_late_init_is_refused(client, process):
-    """A frame that is no longer kept is named, with those that are; the target stays."""
+    """A selection on a frame that is no longer buffered is refused; the target is kept."""
     play(client)
     select(client, process, client.init, detection(SCENE.box(client.index)))
     play(client, 70)
@@ -134,7 +134,7 @@ def test_too_late_init_is_refused(client, process):
     ((10.0, 10.0, float('inf'), 20.0), 'finite'),
 ])
 def test_wrong_init_is_refused(client, process, box, told):
-    """A box that can't be is refused with the reason, and no target appears."""
+    """An invalid box is refused with the reason, and nothing is tracked."""
     x, y, width, height = box
     message = Detection2D()
     message.bbox.center.position.x, message.bbox.center.position.y = x + width / 2, y + height / 2
@@ -146,7 +146,7 @@ def test_wrong_init_is_refused(client, process, box, told):
 
 
 def test_init_ahead_of_its_image_waits(client, process):
-    """A selection that overtakes its image begins when the image is there."""
+    """A selection that comes before its image starts when the image is there."""
     play(client)
     ahead = client.index + 2
     since = len(process.log)
@@ -159,14 +159,14 @@ def test_init_ahead_of_its_image_waits(client, process):
 
 
 def test_init_of_the_far_future_is_refused(client, process):
-    """A stamp of another clock isn't waited for."""
+    """A selection stamped 1000 s ahead, as by another clock, is refused."""
     play(client)
     select(client, process, client.init,
            detection(SCENE.box(client.index), START + 10**12), 'in the future')
 
 
 def test_roi(client, process):
-    """A region starts on the newest frame."""
+    """A region starts on the next frame."""
     play(client)
     box = SCENE.box(client.index)
     rows = select(client, process, client.roi, RegionOfInterest(
@@ -175,7 +175,7 @@ def test_roi(client, process):
 
 
 def test_roi_is_clamped(client, process):
-    """Of a region that reaches beyond the image, the part inside counts."""
+    """A region that reaches beyond the image is clipped to it."""
     play(client)
     rows = select(client, process, client.roi, RegionOfInterest(
         x_offset=SCENE.width - 20, y_offset=SCENE.height - 15, width=4000, height=3000))
@@ -204,7 +204,7 @@ def point(x, y, stamp=0):
 
 
 def test_click(client, process):
-    """A point with a stamp is on the frame of that stamp, and the extent is found there."""
+    """A stamped point starts on the frame of that stamp, in which the target's extent is found."""
     play(client, 8)
     drawn = client.index - 6
     rows = select(client, process, client.point,
@@ -213,7 +213,7 @@ def test_click(client, process):
 
 
 def test_click_size(client, process):
-    """Where that fails, a click stands for a square of a given size."""
+    """With click_size a click selects a square of that side about the point."""
     assert all(result.successful for result in client.change(click_size=18.0))
     play(client)
     x, y = SCENE.box(client.index).center
@@ -235,11 +235,11 @@ def test_wrong_click_is_refused(client, process, x, y, told):
 
 
 def test_click_in_a_bag(client, process, repository):
-    """On a rendered face one click is enough to follow it."""
+    """A rendered face is tracked from one click on it."""
     with BagReader(repository / 'bags' / 'face_fast') as bag:
         truth = bag.truth()
         frames = [stamped for _, stamped in zip(range(25), bag.frames())]
-    # stamped as the camera's other images are: a bag's own clock is far off
+    # stamped like this test's other images: the bag's own stamps are far away from them
     answers = []
     for one in frames:
         answer = client.send(one.frame, START + STEP * client.index)
@@ -256,7 +256,7 @@ def test_click_in_a_bag(client, process, repository):
 
 
 def test_rotated_init_stands_for_its_bound(client, process):
-    """A quarter turn swaps width and height."""
+    """A rotated box starts on its upright bound: a quarter turn swaps width and height."""
     play(client)
     box = SCENE.box(client.index)
     from vtrack_ros.geometry import Box
@@ -267,7 +267,7 @@ def test_rotated_init_stands_for_its_bound(client, process):
 
 
 def test_reset_and_reinit(client, process):
-    """The services forget, and start again on the last good box."""
+    """~/reset gives up the target; ~/reinit starts again on the last measured box."""
     assert not client.ask('~/reinit', Trigger).success
     play(client)
     select(client, process, client.init, detection(SCENE.box(client.index)))
@@ -279,8 +279,27 @@ def test_reset_and_reinit(client, process):
     assert not play(client)[0][0].detections
 
 
+def test_larger_and_smaller(client, process):
+    """The services take another extent about the target; without a target they say so."""
+    answer = client.ask('~/larger', Trigger)
+    assert not answer.success and 'no target' in answer.message
+    play(client)
+    box = SCENE.box(client.index)
+    select(client, process, client.init, detection(box))
+    areas = []
+    for name in ('~/larger', '~/larger', '~/smaller'):
+        answer = client.ask(name, Trigger)
+        assert answer.success and 'started again' in answer.message
+        bbox = play(client)[-1][0].detections[0].bbox
+        areas.append(bbox.size_x * bbox.size_y)
+    assert box.area < areas[0] < areas[1] > areas[2]
+    for _ in range(30):
+        answer = client.ask('~/larger', Trigger)
+    assert not answer.success and 'the box is kept: no extent' in answer.message
+
+
 def said(client, since=0):
-    """Return the words of the states that were heard."""
+    """Return the names of the states that were received."""
     return [status.message for status in client.heard['~/state'][since:]]
 
 
@@ -292,7 +311,7 @@ def unanswered(client):
 
 
 def test_pause(client, process):
-    """While images flow on, the state says paused: to who listens, and to who comes later."""
+    """While paused the state says so, to late subscribers too, and images aren't answered."""
     play(client)
     select(client, process, client.init, detection(SCENE.box(client.index)))
     before, states = len(client.heard['detections']), len(client.heard['~/state'])
@@ -322,7 +341,7 @@ def test_pause(client, process):
     states = len(client.heard['~/state'])
     assert client.ask('~/enable', SetBool, data=True).success
     client.until(lambda: 'tracking' in said(client, states), 'resumed without a word')
-    # what was told before the pause isn't told again; an image on its way may be answered
+    # no answer from before the pause is repeated; an image on its way may be answered
     assert all(stamp_nanoseconds(answer.header.stamp) >= pause
                for answer in client.heard['detections'][before:])
     assert client.ask('~/reset', Trigger).success
@@ -330,7 +349,7 @@ def test_pause(client, process):
 
 
 def test_selection_after_a_pause(client, process):
-    """What is drawn on a frame after a pause is no selection in the future."""
+    """A selection on a frame after a pause isn't refused as one in the future."""
     play(client)
     assert client.ask('~/enable', SetBool, data=False).success
     for _ in range(3):
@@ -360,11 +379,11 @@ def test_detector_starts_it(client, process):
     rows = select(client, process, detector, message)
     assert overlap(*rows[-1]) > 0.4
     assert rows[-1][0].detections[0].results[0].hypothesis.class_id == 'ball'
-    # Once there is a target, the detector has no say.
+    # Once there is a target, detections are ignored.
     detector.publish(Detection2DArray(
         detections=[detection(elsewhere, class_id='ball', score=1.0)]))
     assert overlap(*play(client, 5)[-1]) > 0.4
-    # Too weak, or of another class: nothing.
+    # A low score, or another class, starts nothing.
     assert client.ask('~/reset', Trigger).success
     detector.publish(Detection2DArray(detections=[
         detection(box, class_id='ball', score=0.3), detection(box, class_id='cat', score=1.0)]))

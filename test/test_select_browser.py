@@ -82,6 +82,12 @@ def test_in_a_browser(tmp_path):
             await page.mouse(*await on_page(page, box.center))
             await page.until("header.box && $('state').textContent == 'tracking'")
             assert Box(*await page.value('header.box')).iou(box) > 0.4
+            area = Box(*await page.value('header.box')).area
+            await page.key('+')
+            await page.until("$('told').textContent.startsWith('started again on')")
+            await page.until(f'header.box && header.box[2] * header.box[3] > 1.2 * {area}')
+            await page.value("$('smaller').click()")
+            await page.until(f'header.box && header.box[2] * header.box[3] < 1.2 * {area}')
             await page.until('header.trail.length > 5')
             await page.value("$('particles').click()")
             await page.until('header.particles')

@@ -37,7 +37,9 @@ def test_parameters_of_a_node_that_answers_late():
             assert 'use_sim_time' in [row['name'] for row in (await told)['rows']]
     # what looks like a tracking node, and answers nobody until it's spun
     with Client(publish=None) as client:
-        for name, kind in (('reset', Trigger), ('reinit', Trigger), ('enable', SetBool)):
+        for name, kind in (
+                ('reset', Trigger), ('reinit', Trigger), ('larger', Trigger),
+                ('smaller', Trigger), ('enable', SetBool)):
             client.node.create_service(kind, f'~/{name}', lambda request, response: response)
         for name, kind in (('init', Detection2D), ('init_point', PointStamped)):
             client.node.create_subscription(kind, f'~/{name}', lambda message: None, 1)

@@ -43,6 +43,8 @@ _CUT_ABOUT, _CUT_SIDE, _SURELY, _AT_MOST = 0.6, 96, 0.5, 1.6
 #: Segmentation: iterations; least side of the image part, [px], whose square is the least number
 #: of pixels of either label; share of the segment left out beyond each bound of its box, [%].
 _ITERATIONS, _LEAST_CUT, _BEYOND = 3, 8, 1.0
+#: Least factor of the area between one extent and the next larger or smaller one.
+_STEP = 1.5
 
 
 def find_extent(frame: Frame, x: float, y: float) -> Box:
@@ -65,21 +67,63 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
         The point, inside the frame; best at the target's centre.
 
     """
+    return _most_probable(frame, x, y)
+
+
+def next_extent(frame: Frame, box: Box, larger: bool) -> Box:
+    """
+    Return the most probable extent about a box's centre that is larger, or smaller, than the box.
+
+    For a click that found a part of the target only, or what the target is a part of. The area
+    differs by a factor of at least 1.5; otherwise as `find_extent`.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
+        The image.
+    box : Box, [px]
+        The present extent.
+    larger : bool
+        Whether the target is larger than the box; otherwise it's smaller.
+
+    Raises
+    ------
+    ValueError
+        If the image has no such extent.
+
+    """
+    height, width = frame.shape[:2]
+    x, y = (min(max(place, 0.0), float(side)) for place, side in zip(box.center, (width, height)))
+    least, most = (_STEP * box.area, math.inf) if larger else (0.0, box.area / _STEP)
+    return _most_probable(frame, x, y, least, most)
+
+
+def _most_probable(frame: Frame, x: float, y: float, least: float = 0.0,
+                   most: float = math.inf) -> Box:
+    """Return the most probable extent with an area from `least` to `most`, [px^2]."""
     height, width = frame.shape[:2]
     visible = min(_LEAST_SIZE / height, _WINDOWS[-1][1][-1])
     windows = [(side, sizes[sizes >= visible]) for side, sizes in _WINDOWS]
     rows = [_candidates(frame, x, y, side * height, sizes * height)
             for side, sizes in windows if len(sizes)]
     sizes, scores = (np.concatenate(part) for part in zip(*rows))
+    center = np.array([x, y])
+    inside = np.minimum(center + sizes / 2, (width, height)) - np.maximum(center - sizes / 2, 0)
+    possible = (inside.prod(axis=1) >= least) & (inside.prod(axis=1) <= most)
+    if not possible.any():
+        raise ValueError(f'no extent of {least:.0f} to {most:.0f} px^2 about ({x:.0f}, {y:.0f}) '
+                         f'in an image of {width} x {height}')
+    sizes, scores = sizes[possible], scores[possible]
     probability = np.exp(scores - scores.max())
-    least = np.minimum(sizes[:, None], sizes).prod(axis=2)
+    shared = np.minimum(sizes[:, None], sizes).prod(axis=2)
     area = sizes.prod(axis=1)
-    overlap = least / (area[:, None] + area - least)
+    overlap = shared / (area[:, None] + area - shared)
     w, h = sizes[np.argmax(overlap @ probability)]
     box = Box.from_center(x, y, float(w), float(h))
     box = box.clipped(width, height) or box
-    box = Box(*(box.as_array() + _cut_out(frame, box).as_array()) / 2)
-    return box.clipped(width, height) or box
+    mean = Box(*(box.as_array() + _segmented(frame, box).as_array()) / 2)
+    mean = mean.clipped(width, height) or box
+    return mean if least <= mean.area <= most else box
 
 
 def _candidates(frame: Frame, x: float, y: float, side: float,
@@ -156,7 +200,7 @@ def _colours(window: Frame) -> NDArray[np.int32]:
     return np.asarray(labels, np.int32).reshape(lab.shape[:2])
 
 
-def _cut_out(frame: Frame, box: Box) -> Box:
+def _segmented(frame: Frame, box: Box) -> Box:
     """
     Return the bounds of the target as GrabCut segments it about a box [Rother et al. 2004].
 

@@ -45,7 +45,9 @@ class Services:
         self._services = [
             node.create_service(Trigger, '~/reset', self._on_reset),
             node.create_service(SetBool, '~/enable', self._on_enable),
-            node.create_service(Trigger, '~/reinit', self._on_reinit)]
+            node.create_service(Trigger, '~/reinit', self._on_reinit),
+            node.create_service(Trigger, '~/larger', partial(self._on_resize, True)),
+            node.create_service(Trigger, '~/smaller', partial(self._on_resize, False))]
 
     @property
     def inputs(self) -> list[Input]:
@@ -121,4 +123,17 @@ class Services:
         self._changed()
         response.message = ('started again on the last good box' if response.success else
                             'there is no target to start again on; select one')
+        return response
+
+    def _on_resize(self, larger: bool, _: Any, response: Any) -> Any:
+        try:
+            response.success = self._node.session.resize(larger) is not None
+        except ValueError as error:
+            response.success, response.message = False, f'the box is kept: {error}'
+            return response
+        seen = self._node.session.last_measurement
+        self._changed()
+        response.message = (
+            f'started again on {seen.box.width:.0f} x {seen.box.height:.0f} px' if seen else
+            'there is no target yet; select one')
         return response

@@ -38,8 +38,8 @@ class Viewer:
     One browser: the next picture is sent once the previous one was shown.
 
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
-    `click` (stamp, x, y), `reset`, `reinit`, `enable` (on), `particles` (on), `record` (on) or
-    `set` (name, kind, value). It receives JSON objects whose `kind` is `picture` (the JPEG follows
+    `click` (stamp, x, y), `reset`, `reinit`, `larger`, `smaller`, `enable` (on), `particles` (on),
+    `record` (on) or `set` (name, kind, value). It receives JSON objects whose `kind` is `picture` (the JPEG follows
     as a binary message), `parameters` or `told` (a line to show).
     """
 
@@ -127,7 +127,7 @@ class Viewer:
             self._link.want_particles(bool(asked['on']))
         elif do == 'record':
             await self.tell(await self._link.record(self._folder if asked['on'] else None))
-        elif do in ('reset', 'reinit', 'enable'):
+        elif do in ('reset', 'reinit', 'larger', 'smaller', 'enable'):
             fields = {'data': bool(asked['on'])} if do == 'enable' else {}
             answer = await self._link.ask(do, **fields)
             await self.tell(answer.message, wrong=not answer.success)

@@ -27,9 +27,9 @@ from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_va
 #: Time-out of a call to a service of the node, in seconds.
 PATIENCE = 5.0
 _SERVICES: dict[str, Any] = {
-    'reset': Trigger, 'reinit': Trigger, 'enable': SetBool, 'list_parameters': ListParameters,
-    'describe_parameters': DescribeParameters, 'get_parameters': GetParameters,
-    'set_parameters': SetParameters}
+    'reset': Trigger, 'reinit': Trigger, 'larger': Trigger, 'smaller': Trigger, 'enable': SetBool,
+    'list_parameters': ListParameters, 'describe_parameters': DescribeParameters,
+    'get_parameters': GetParameters, 'set_parameters': SetParameters}
 
 
 class TrackerLink:

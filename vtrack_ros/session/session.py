@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vtrack_ros.appearance.extent import next_extent
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Value
 from vtrack_ros.session.exemplar import Exemplar
@@ -124,11 +125,26 @@ class TrackingSession:
 
     def restart(self) -> Estimate | None:
         """Learn the target afresh where it was last measured, and go on; None without a target."""
+        return self._learn_afresh(self._last_measurement)
+
+    def resize(self, larger: bool) -> Estimate | None:
+        """
+        Learn the target afresh in the next larger or smaller extent that is found about it.
+
+        It's found where the target was last measured; see `next_extent`. Returns None without a
+        target; ValueError if there's no such extent, then the target is tracked as before.
+        """
         seen = self._last_measurement
         if seen is None:
             return None
+        box = next_extent(seen.frame, seen.bound, larger)
+        return self._learn_afresh(LastMeasurement(seen.frame, seen.stamp, box))
+
+    def _learn_afresh(self, seen: LastMeasurement | None) -> Estimate | None:
+        """Start a new tracker, and keep a new exemplar, where the target was seen."""
+        self._last_measurement = seen
         estimate = self._take_over(self._create(self._name), afresh=True)
-        if estimate is not None:
+        if seen is not None and estimate is not None:
             self._exemplar = Exemplar.of(seen.frame, seen.bound)
         return estimate
 

@@ -203,6 +203,12 @@ function endDrag() {
 $('reset').onclick = () => ask({do: 'reset'});
 $('record').onclick = () => ask({do: 'record', on: !(header && header.recording)});
 $('reinit').onclick = () => ask({do: 'reinit'});
+const SIZES = {'+': 'larger', '-': 'smaller'};
+for (const size of Object.values(SIZES)) $(size).onclick = () => ask({do: size});
+document.onkeydown = event => {
+  const typing = event.target.closest('form') || event.ctrlKey || event.altKey || event.metaKey;
+  if (!typing && event.key in SIZES) ask({do: SIZES[event.key]});
+};
 $('pause').onclick = () => ask({do: 'enable', on: paused});
 
 function fill(rows) {
