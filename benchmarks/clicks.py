@@ -16,7 +16,7 @@ import time
 import numpy as np
 from shared_sequences import FOLDER, is_tuned
 
-from vtrack_ros.appearance.extent import find_extent
+from vtrack_ros.appearance.extent import find_extent, next_extent
 from vtrack_ros.evaluation import find_sequences, Sequence
 from vtrack_ros.evaluation.metrics import overlaps, success_auc
 from vtrack_ros.evaluation.runner import one_thread, run_tracker
@@ -26,45 +26,70 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
+#: Number of first frames that `dcf` is run on.
 FRAMES = 100
 #: Later frames that are clicked on.
 LATER = (10, 25, 40, 60, 80, 120)
-#: Clicks beside the centre, in sides of the true box.
+#: Clicks beside the centre: offsets as shares of the true box's (width, height).
 BESIDE = ((-0.15, -0.1), (0.15, 0.1), (0.1, -0.15), (-0.1, 0.15))
 
 
-def square(side: float) -> Callable[[Frame, float, float], Box]:
-    """Return what takes a square about a point, with a side in pixels."""
-    return lambda frame, x, y: Box.from_center(x, y, side, side)
+#: What makes a box of a frame and a point (x, y) in it; the true box is what a user sees there.
+Method = Callable[[Frame, float, float, Box], Box]
 
 
-METHODS: dict[str, Callable[[Frame, float, float], Box]] = {
-    'found extent': find_extent,
-    '10 % of the height': lambda frame, x, y: square(0.1 * frame.shape[0])(frame, x, y),
+def square(side: float) -> Method:
+    """Return a method that takes a square about the point; `side` is in pixels."""
+    return lambda frame, x, y, truth: Box.from_center(x, y, side, side)
+
+
+def stepwise(steps: int) -> Method:
+    """Return the best box by at most so many steps to the next larger, or smaller, extent."""
+    def find(frame: Frame, x: float, y: float, truth: Box) -> Box:
+        first = find_extent(frame, x, y)
+        boxes = [first]
+        for larger in (True, False):
+            box = first
+            for _ in range(steps):
+                try:
+                    box = next_extent(frame, box, larger)
+                except ValueError:
+                    break
+                boxes.append(box)
+        return max(boxes, key=truth.iou)
+    return find
+
+
+METHODS: dict[str, Method] = {
+    'found extent': stepwise(0),
+    'and at most one step': stepwise(1),
+    'and at most two steps': stepwise(2),
+    '10 % of the height': lambda frame, *place: square(0.1 * frame.shape[0])(frame, *place),
     '48 px': square(48)}
 
 
-def clicked(find: Callable[[Frame, float, float], Box], frame: Frame, truth: Box,
+def clicked(find: Method, frame: Frame, truth: Box,
             places: Iterable[tuple[float, float]]) -> float:
-    """Return the mean overlap from clicks beside the centre, in sides of the true box."""
+    """Return the mean overlap from clicks at `places`, offsets from the centre in sides."""
     x, y = truth.center
     return float(np.mean([truth.iou(find(
         frame, min(max(x + dx * truth.width, 0.0), frame.shape[1]),
-        min(max(y + dy * truth.height, 0.0), frame.shape[0]))) for dx, dy in places]))
+        min(max(y + dy * truth.height, 0.0), frame.shape[0]), truth)) for dx, dy in places]))
 
 
-def scores(sequence: Sequence, find: Callable[[Frame, float, float], Box] | None) -> list[float]:
+def scores(sequence: Sequence, find: Method | None) -> list[float]:
     """
-    Return overlaps, AUC of `dcf` from the box of a click at the centre, ms; None: the true box.
+    Return four mean overlaps, the AUC of `dcf`, and the time to find the extent, [ms].
 
-    From the centre and from beside it, in the first frame and in later ones.
+    Overlaps of clicks at the centre and beside it, in the first frame, then in later ones. `dcf`
+    starts on the box of the click at the centre; where `find` is None, on the true box.
     """
     frames = list(islice(sequence.frames(), max(LATER) + 1))
     truth = sequence.first_box
     first, seconds, mean = truth, 0.0, [1.0] * 4
     if find is not None:
         began = time.process_time()
-        first = find(frames[0], *truth.center)
+        first = find(frames[0], *truth.center, truth)
         seconds = time.process_time() - began
         later = [(frames[index], Box(*sequence.truth[index])) for index in LATER
                  if index < len(frames) and np.isfinite(sequence.truth[index]).all()]
@@ -106,21 +131,25 @@ def main() -> None:
     times = [found[name]['found extent'][5] for name in found]
     text = (
         '# A click instead of a box\n\n'
-        'Made by `python benchmarks/clicks.py`. On the first frame of each of the shared '
-        "sequences' targets: the overlap (IoU) of the true box with the one that a click at its "
-        'centre makes; the mean overlap from four clicks up to 0.15 sides beside it; the same '
-        f'in frames {", ".join(map(str, LATER))}; and the AUC of `dcf` over the first {FRAMES} '
-        'frames from the box of the click at the centre in the first one, one seed. The weights '
-        'in `appearance/extent.py` were found on the tuned videos.\n\n'
+        'Made by `python benchmarks/clicks.py` on each target of the shared sequences. '
+        '*overlap*: IoU of the true box with the one from a click at its centre, in the first '
+        'frame. *click beside*: mean overlap from four clicks up to 0.15 sides beside the centre. '
+        '*later frames* and *beside, later*: the same in frames '
+        f'{", ".join(map(str, LATER))}. Last column: AUC of `dcf` over the first {FRAMES} '
+        'frames, started on the box from the click at the centre in the first frame; one seed. '
+        'The weights in `appearance/extent.py` were fitted on the tuned videos.\n\n'
         f'{markdown(rows)}\n\n'
-        f'Finding an extent takes {np.median(times):.0f} ms of one core (median; most '
-        f'{np.max(times):.0f} ms), once for each click.\n\n'
+        f'Finding an extent takes {np.median(times):.0f} ms on one core (median; maximum '
+        f'{np.max(times):.0f} ms), once per click.\n\n'
         '## Overlap by target, from a click at the centre\n\n'
         f'{markdown(of_each)}\n\n'
-        'A click beside the centre is worth less: the candidates are centred at it, and the box '
-        'goes only half-way to what is cut out about the best one. What is small and among '
-        'others (`UAVDT_S0601`, `UAV_building5`) is taken for what is about it, and what has '
-        'large parts of its own for one of them. `click_size` or a box does better there.\n')
+        'A click beside the centre gives a worse box: the candidates are centred at the click, '
+        'and the result moves only half-way from the best one to the region segmented about it. '
+        'The box of a small target among others (`UAVDT_S0601`, `UAV_building5`) covers its '
+        'surroundings too; that of a target with large distinct parts covers only one of them. '
+        'There, take steps to a larger or a smaller extent (`~/larger`, `~/smaller`; *and at most '
+        'one step* and *two steps* are the best of the boxes that the user sees then), set '
+        '`click_size` or draw a box.\n')
     arguments.out.write_text(text, encoding='utf-8')
     print(text)
 

@@ -28,13 +28,13 @@ RATE = 30
 
 
 def jpeg(width: int, height: int) -> int:
-    """Return how many KiB a compressed image of the scene has."""
+    """Return the size of a compressed image of the scene, [KiB]."""
     return len(compressed(scene(width, height)[0][0]).data) // 1024
 
 
 def answered(bench: Bench, size: tuple[int, int], transport: str, reliability: ReliabilityPolicy,
              seconds: float, node_alone: bool = False) -> str:
-    """Return how many images are answered; a node has the profile only where it's `node_alone`."""
+    """Return how many images are answered; with `node_alone`, the node has the profile."""
     images, box = scene(*size)
     kind, topic = Image, '/ours/image'
     if transport == 'compressed':
@@ -50,7 +50,7 @@ def answered(bench: Bench, size: tuple[int, int], transport: str, reliability: R
     with child(*arguments, environment=surroundings):
         bench.until(lambda: publisher.get_subscription_count() and hearing.get_publisher_count(),
                     'no node was found')
-        # what adapts to the publisher has done so
+        # the subscription has adapted to the publisher's reliability by then
         bench.rest(2.0)
         count = round(seconds * RATE)
         for number in range(1, count + 1):
@@ -63,7 +63,7 @@ def answered(bench: Bench, size: tuple[int, int], transport: str, reliability: R
 
 
 def main() -> int:
-    """Measure all ways, and write the page."""
+    """Measure all combinations, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--seconds', type=float, default=10.0)
     parser.add_argument('--out', type=Path, default=ROOT / 'docs' / 'results')
@@ -86,13 +86,13 @@ def main() -> int:
     (arguments.out / 'default_transport.md').write_text(f"""\
 # Without the Fast DDS profile
 
-`benchmarks/default_transport.py`: how many images of a camera at {RATE} Hz the node answered, from
-a driver without the profile, and so with 512 KiB of shared memory. {facts_text(environment())}.
+`benchmarks/default_transport.py`: how many images of a camera at {RATE} Hz the node answered. The
+driver doesn't have the profile, so it has 512 KiB of shared memory. {facts_text(environment())}.
 
 {markdown(rows)}
 
-A VGA image in colour has 900 KiB, one of 320 x 240 has 225; a compressed one of this scene, which
-is drawn, {jpeg(640, 480)} and {jpeg(1280, 720)}.
+A raw image in colour has 900 KiB at 640 x 480 and 225 KiB at 320 x 240. A compressed image of this
+drawn scene has {jpeg(640, 480)} KiB at 640 x 480 and {jpeg(1280, 720)} KiB at 1280 x 720.
 """, encoding='utf-8')
     return 0
 

@@ -1,12 +1,12 @@
 """
-The commands of the documentation: which there are, and whether they do what they say.
+Run the documentation's commands, and check that they work.
 
-`python benchmarks/documented_commands.py [PAGE.md...]` runs each of them as it stands on its page,
+`python benchmarks/documented_commands.py [PAGE.md...]` runs each command as printed on its page,
 and the examples in Python, in a folder with short stand-ins for the bags, pictures and videos that
-the pages speak of. Those that run until Ctrl-C get it after a while; of those that take hours the
-options are looked up. Where there is `ros2`, it talks to a node that tracks what a bag shows, and
-where there is `rosdep` it says what it would install. What isn't run is listed with the reason.
-benchmarks/walkthrough.py does docs/start.md in order.
+the pages mention. Commands that run until Ctrl-C get it after a while; of benchmarks, which take
+hours, only the options are checked. If `ros2` is installed, it talks to a node that tracks the
+target of a bag; if `rosdep` is installed, it only lists what it would install. What isn't run is
+listed with the reason. benchmarks/walkthrough.py runs docs/start.md in order.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from vtrack_ros.scenes import render
 
 ROOT = Path(__file__).resolve().parents[1]
 _NODE = 'from vtrack_ros.ros import main as m; import sys; sys.exit(m.{}())'
-#: What a page has for the folder of the installed package's files.
+#: A page's expression for the folder of the installed package's files.
 SHARE = '$(ros2 pkg prefix --share vtrack_ros)'
-#: How an executable of the package is started.
+#: Executable of the package -> arguments of Python that start it.
 EXECUTABLES = {'tracker': ['-c', _NODE.format('main')],
                'tracker_lifecycle': ['-c', _NODE.format('lifecycle_main')],
                'vtrack': ['-m', 'vtrack_ros.cli.command_line']}
-#: Others' programs, and why they aren't run here.
+#: Programs of other packages -> why they aren't run here.
 OTHERS = {
     **dict.fromkeys(('cd', 'export', 'source', 'git', 'ssh'), 'not of this package'),
     'colcon': 'test/test_package.py builds and tests with it',
@@ -46,9 +46,9 @@ OTHERS = {
     'pip': 'needs the network; test/test_package.py installs with it',
     'dask': 'needs a cluster; test/test_evaluation_running.py has one',
     'eval': 'test/test_cli_commands.py completes'}
-#: What `ros2` does here, where it's installed and the package is in a workspace that's sourced.
+#: Verbs of `ros2` that are run, if it's installed and a workspace with the package is sourced.
 VERBS = ('launch', 'param', 'security', 'topic')
-#: What else isn't run, by what stands in it.
+#: Other commands that aren't run: text that they contain -> reason.
 LEFT = {
     '--enclave': 'needs a Fast DDS with security; test/test_node_parameters.py has it refused',
     'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
@@ -63,7 +63,7 @@ LEFT = {
     'scripts/test': 'runs all tests', 'test/test_': 'runs tests',
     'scripts/peers': 'makes an environment of its own, with contributed trackers',
     'walkthrough.py': 'does docs/start.md in order'}
-#: Who runs the programs in Python of a page that aren't run here.
+#: Page whose programs in Python aren't run here -> test that runs them.
 EXAMPLES_LEFT = {'README.md': 'test/test_documentation.py',
                  'adding_a_tracker.md': 'test/test_documentation.py',
                  'detector.md': 'test/test_documentation.py',
@@ -71,14 +71,14 @@ EXAMPLES_LEFT = {'README.md': 'test/test_documentation.py',
                  'node.md': 'test/test_node_alone.py'}
 PAGES = [page for page in (*ROOT.glob('*.md'), *(ROOT / 'docs').rglob('*.md'))
          if page.name != 'notebook.md']
-#: What runs until Ctrl-C.
+#: Words of commands that run until Ctrl-C.
 _ENDLESS = {'--loop', 'select', 'tracker', 'tracker_lifecycle', '--camera', 'echo', 'launch'}
-#: Frames of a stand-in, and how long a command that doesn't end may run, in seconds.
+#: Number of frames of a stand-in; time, [s], until a command that runs until Ctrl-C gets it.
 FRAMES, PATIENCE = 12, 8.0
 
 
 def blocks(page: Path) -> Iterator[tuple[str, str]]:
-    """Return a page's blocks of code: the language, where it's said, and the text."""
+    """Yield a page's blocks of code: language, empty if none is given, and text."""
     text = page.read_text()
     fenced = re.compile(r'^```(\w*)\n(.*?)^```', re.DOTALL | re.MULTILINE)
     for found in fenced.finditer(text):
@@ -88,7 +88,7 @@ def blocks(page: Path) -> Iterator[tuple[str, str]]:
 
 
 def lines(page: Path) -> Iterator[str]:
-    """Return the lines of a page's blocks of commands, and what its sentences quote."""
+    """Yield the lines of a page's blocks of commands, and the code that its sentences quote."""
     for language, text in blocks(page):
         if language in ('', 'bash'):
             yield from map(str.strip, text.replace('\\\n', '').splitlines())
@@ -100,7 +100,7 @@ def lines(page: Path) -> Iterator[str]:
 
 
 def commands(page: Path) -> Iterator[list[str]]:
-    """Return the words of a page's commands; what isn't one has no known program."""
+    """Yield the words of a page's commands: lines that begin with a known program."""
     programs = '|'.join((*EXECUTABLES, *OTHERS, 'ros2', 'python', 'python3'))
     for line in lines(page):
         line = line.replace(SHARE, str(ROOT))
@@ -113,14 +113,14 @@ def commands(page: Path) -> Iterator[list[str]]:
 
 
 def arguments(words: list[str]) -> list[str] | str:
-    """Return what Python is to be given for a command, or why it isn't run."""
+    """Return what to run, a program's path or Python's arguments, or why it isn't run."""
     program, text = words[0].removeprefix('./'), ' '.join(words)
     ros2 = shutil.which('ros2')
     if ros2 and program == 'ros2' and words[1] in VERBS:
         return [ros2, *words[1:]]
     rosdep = shutil.which('rosdep')
     if rosdep and program == 'rosdep':
-        # What it would install on the system that the page is for.
+        # A simulation: what it would install on the system that the page is for.
         return [rosdep, *words[1:], '--simulate', '--rosdistro', 'jazzy', '--os', 'ubuntu:noble']
     for key, reason in LEFT.items():
         if key in text:
@@ -143,7 +143,7 @@ def arguments(words: list[str]) -> list[str] | str:
 
 
 def write_stand_ins(folder: Path) -> None:
-    """Write what the pages' commands read."""
+    """Write the files that the pages' commands read."""
     (folder / 'bags').symlink_to(ROOT / 'bags')
     (folder / 'targets.yaml').symlink_to(ROOT / 'config' / 'targets.yaml')
     (folder / 'src').mkdir()
@@ -196,7 +196,7 @@ def run(words: list[str], folder: Path) -> int | str:
         output, _ = process.communicate()
     missing = [word for word in words if call[-1] == '--help' and word.startswith('--')
                and word not in output]
-    # As a shell has it, and ros2, Ctrl-C is an end with this code.
+    # A shell and ros2 end with this code on Ctrl-C.
     code = 0 if endless and process.returncode == signal.SIGINT else process.returncode
     if code:
         print(output)
@@ -205,7 +205,7 @@ def run(words: list[str], folder: Path) -> int | str:
 
 @contextmanager
 def robot(folder: Path) -> Iterator[None]:
-    """Run a camera and a node that tracks what it shows, for `ros2` where that's installed."""
+    """If `ros2` is installed, run a camera and a node that tracks its target, for `ros2`."""
     running = []
     if shutil.which('ros2'):
         node = ['--ros-args', '-r', 'image:=/image_raw', '-p', 'init_box:=[86, 112, 27, 83]']

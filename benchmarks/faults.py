@@ -1,9 +1,9 @@
 """
 What a running node makes of faults, over real DDS: what was sent, what came out, how soon again.
 
-`.venv/bin/python benchmarks/faults.py [--only WORDS] [--seconds S] [--kills N]` puts its figures
-faults.json and reliability.md in docs/results. A square that goes to and fro is tracked at
-VGA and 30 Hz; a box counts as right if it overlaps the square of its image by more than a half.
+`.venv/bin/python benchmarks/faults.py [--only WORDS] [--seconds S] [--kills N]` writes faults.json
+and reliability.md into docs/results. The target is a square that moves to and fro, at VGA and
+30 Hz; a box is right if its overlap (IoU) with the square of its image is above 0.5.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FAULTS = {**restarts.FAULTS, **stamps.FAULTS, **loads.FAULTS, **disks.FAULTS}
 
 
 def main() -> int:
-    """Run faults, and write them down; return the exit code."""
+    """Run the faults, and write the results; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--seconds', type=float, default=10.0, help='of each fault')
     parser.add_argument('--kills', type=int, default=100, help='of the publisher, and of the node')

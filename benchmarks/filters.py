@@ -2,9 +2,9 @@
 Speed of the filters, and what sigma-point rules cost and give in four and six dimensions.
 
 Times are medians of processor time over many steps, in one thread. They are also given as a ratio
-to NumPy's product of a (150, 81, 4) array with (150, 4, 4) matrices, timed beside them: what it
-takes to place the 81 points of the third-order product rule for 150 particles. Set
-OPENBLAS_NUM_THREADS=1.
+to NumPy's product of a (150, 81, 4) array with (150, 4, 4) matrices, timed in alternation with
+them: the operation that places the 81 points of the third-order product rule for 150 particles.
+Set OPENBLAS_NUM_THREADS=1.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ RULES: dict[str, Callable[[BearingRange], GaussianFilter]] = {
     'none (EKF)': ExtendedKalmanFilter,
 }
 GREY_STEPS = 200
-#: Options of the grey proposal, and the weights.
+#: Variants of the grey proposal: (proposal, weighting).
 GREY: dict[str, tuple[Proposal, str]] = {
     'PF': (PriorProposal(), 'full'),
     'as printed, full': (GreyProposal(margin=None), 'full'),
@@ -64,6 +64,7 @@ GREY: dict[str, tuple[Proposal, str]] = {
     'particles moved, full': (
         GreyProposal(spread='moved', velocities={2: 0, 3: 1}, prior_share=0.3), 'full'),
 }
+#: Goals for the time of a step, [ms].
 BUDGETS = {'GMPF, n = 6': 0.3, 'P-QKPF, n = 4, third order': 3.0}
 
 
@@ -115,7 +116,7 @@ def speed(repeats: int) -> dict[str, dict[str, float]]:
 
 
 def rules(arguments: argparse.Namespace) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return points, times and RMSE of each rule, as a Kalman filter of its own."""
+    """Return points, times and RMSE of each rule in a Kalman filter without particles."""
     results: dict[str, dict[str, dict[str, Any]]] = {}
     for positions in (2, 3):
         for noise, (metres, radians) in NOISES.items():
@@ -227,7 +228,7 @@ def _step_time(
         middle = time.process_time()
         product()
         ended = time.process_time()
-        # What the filter isn't told lets it wander: put it back now and then.
+        # Without a likelihood the particles drift: reset them in every tenth step.
         if repeat % 10 == 9:
             particle_filter.set_particles(
                 start + 0.5 * np.random.default_rng(repeat).standard_normal(

@@ -1,10 +1,10 @@
 """
 Fuzzing of all that reads other people's data: converters, bags, parameters, state files.
 
-`PYTHON benchmarks/fuzz.py TARGET... [--runs N]` wants atheris (`pip install atheris`), which looks
-for inputs that reach other branches of the package. It starts from test/fuzzing/, adds what it
-finds to `--corpus`, and ends at the first finding, whose bytes it leaves as crash-*. Without
-atheris the tests run what is in test/fuzzing/ all the same.
+`PYTHON benchmarks/fuzz.py TARGET... [--runs N]` needs atheris (`pip install atheris`), which looks
+for inputs that reach new branches of the package. It starts from the inputs in test/fuzzing/, adds
+new ones to `--corpus`, and ends at the first failure, whose input it writes to crash-*. The tests
+run the inputs in test/fuzzing/ without atheris.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 import time
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Inputs that are kept: small ones that are right, and what was found with them.
+#: Inputs that are kept: small valid ones, and those that once caused a failure.
 SEEDS = ROOT / 'test' / 'fuzzing'
 
 

@@ -1,8 +1,8 @@
 """
 What trackers say when the target has gone: another video comes in place of its own for a while.
 
-`scripts/peers --python benchmarks/gone.py` follows the targets of the shared sequences and writes
-docs/results/gone.md. Nothing of the target is in the other video, so every TRACKING is wrong.
+`scripts/peers --python benchmarks/gone.py` tracks the targets of the shared sequences and writes
+docs/results/gone.md. The target isn't in the other video, so TRACKING is always wrong there.
 """
 
 from __future__ import annotations
@@ -35,22 +35,28 @@ from vtrack_ros.scenes.catalogue import story_times
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Frames before the target goes, without it, and after it came back.
+#: Number of frames before the target disappears, without it, and after its return.
 KNOWN, AWAY, BACK = 60, 300, 40
-#: The frames without it, in parts.
+#: Parts of the frames without it: (first, end).
 PARTS = {'1': (0, 1), '2 to 10': (1, 10), '11 to 30': (10, 30), '31 to 100': (30, 100),
          '101 to 300': (100, 300)}
-#: The frames after it came back.
+#: Parts of the frames after its return.
 LATER = {'1 to 10': (0, 10), '31 to 40': (30, 40)}
-#: How far on in the list of targets is the one whose video comes in between.
+#: Distance in the list of targets to those whose videos are put in between.
 OTHERS = (7, 11)
-#: What stands behind the name of a tracker without the doubt of who was lost for long.
+#: Suffix of a tracker's name: without the penalty on a target that was lost for long.
 WITHOUT = ' without its doubt'
 
 
 @dataclass(frozen=True)
 class Visit:
-    """A run: whether it was on the target last, and what it said without it, and on its return."""
+    """
+    The outcome of a run.
+
+    `known` tells whether the box was on the target when that disappeared, `tracking` in which
+    frames without it the state was TRACKING, `found` in which frames after its return the box was
+    on it and the state TRACKING.
+    """
 
     half: str
     known: bool
@@ -59,7 +65,7 @@ class Visit:
 
 
 def interrupted(sequence: FolderSequence, other: FolderSequence) -> Iterator[Frame]:
-    """Yield a sequence's frames with another one's in between, there and back, in its size."""
+    """Yield a sequence's frames, in between another's, resized and played to and fro."""
     own = list(islice(sequence.frames(), KNOWN + BACK))
     size = own[0].shape[1::-1]
     between = [cv2.resize(frame, size) for frame in islice(other.frames(), AWAY)]
@@ -69,7 +75,7 @@ def interrupted(sequence: FolderSequence, other: FolderSequence) -> Iterator[Fra
 
 
 def visit(tracker: str, sequence: FolderSequence, other: FolderSequence) -> Visit:
-    """Follow a target through another video."""
+    """Track a target whose video is interrupted by another one."""
     name = tracker.removesuffix(WITHOUT)
     with one_thread(), (patch.object(presence, '_MOST_DOUBT', 0.0)
                         if name != tracker else nullcontext()):
@@ -97,7 +103,7 @@ def rows(visits: dict[str, list[Visit]], half: str) -> list[list[str]]:
 
 
 def main() -> int:
-    """Follow all targets, and write the page."""
+    """Track all targets, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--jobs', type=int, default=2)
@@ -120,14 +126,15 @@ def main() -> int:
                          for half, title in HALVES.items())
     text = f"""# When the target has gone
 
-Each of the {len(found)} targets of the shared videos is followed for {KNOWN} frames. Then comes
-another target's video in place of its own, in the same size, for {AWAY} frames, and then its own
-again where it was left; with {len(OTHERS)} other videos each, seed 0. Nothing of the target is in
-the other one, so whoever says TRACKING there is wrong: the first columns are the shares of the
-frames in which it's said, by how many frames ago the target went. The last ones are, of the runs
-that were on the target when it went, the shares of frames in which it's TRACKING with half of
-overlap after it came back. *Without its doubt*: of a target that was lost for long as of any other
-([decision 50](../decisions.md)). `opencv_csrt` says it by the value that its update returns.
+Each of the {len(found)} targets of the shared videos is tracked for {KNOWN} frames. Then another
+target's video, resized to the same size, replaces its own for {AWAY} frames; then its own goes on
+where it stopped. Each target has {len(OTHERS)} runs, with different videos, seed 0. It isn't in
+those, so TRACKING is wrong there: the first columns are the share of frames in state TRACKING, by
+the number of frames since the target disappeared. The columns *back* are the share of frames after
+its return that are TRACKING with an overlap above 0.5, in the runs that were on the target when it
+disappeared. *Without its doubt*: without the penalty on the confidence of a target that was lost
+for long ([decision 50](../decisions.md)). The state of `opencv_csrt` is the return value of its
+update.
 
 {facts_text(environment())}
 

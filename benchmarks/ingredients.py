@@ -1,10 +1,10 @@
 """
 What each ingredient of a tracker is worth: its accuracy without one at a time.
 
-`python benchmarks/ingredients.py [--seeds K]` follows the targets of the shared sequences, plain
+`python benchmarks/ingredients.py [--seeds K]` tracks the targets of the shared sequences, plain
 and under stress, and writes docs/results/ingredients.md: those on which constants were tuned, and
-the others. A gap is the AUC without the ingredient minus that with all of them, of each target,
-with the 95 % interval of a paired bootstrap over the targets: negative where it helps.
+the others. A difference is the AUC without the ingredient minus that with all of them, as a mean
+over the targets with the 95 % interval of a paired bootstrap: negative where the ingredient helps.
 """
 
 from __future__ import annotations
@@ -75,38 +75,38 @@ def _without_rival(self: Any, *values: Any) -> Any:
     return _update(self, *values[:-1])
 
 
-#: What is replaced so that an ingredient has no effect.
+#: Ingredient -> patches that leave it without effect.
 WITHOUT: dict[str, Callable[[], list[Any]]] = {
     ALL: list,
     "the filter's forecast": lambda: [patch.object(GuidedSearch, 'search', _without_own)],
     'the other forecasts': lambda: [patch.object(GuidedSearch, '_forecast', _staying_or_own)],
     "the camera's motion": lambda: [
         patch.object(SparsePicture, 'camera_step', lambda self, later: None)],
-    "a jerk of the camera's": lambda: [patch.object(SparsePicture, 'ground_step', _near)],
+    'measured jumps of the camera': lambda: [patch.object(SparsePicture, 'ground_step', _near)],
     'motion among candidates': lambda: [patch.object(
         ForecastMixture, 'log_density', lambda self, places, *_: np.zeros(len(places)))],
-    'more windows': lambda: [patch.object(guided_search, '_LOW', -math.inf),
-                             patch.object(guided_search, '_LONG', math.inf)],
+    'more search windows': lambda: [patch.object(guided_search, '_LOW', -math.inf),
+                                    patch.object(guided_search, '_LONG', math.inf)],
     'distractors': lambda: [patch.object(Distractors, 'near', lambda self, *_: [])],
     'the second model': lambda: [
         patch.object(hypotheses, '_PAUSE', math.inf),
         patch.object(hypotheses.Hypotheses, '_questionable', lambda self: False)],
     "the second model's size": lambda: [
         patch.object(hypotheses.Hypotheses, 'estimate', _of_leader)],
-    'growth by the flow of its points': lambda: [patch.object(TargetMotion, 'growth', None)],
-    'rotation by the flow of its points': lambda: [patch.object(TargetMotion, 'turn', None)],
-    'where its points went': lambda: [patch.object(guided_search, '_FAR', math.inf)],
-    'the least usual response and similarity': lambda: [
+    'growth by optical flow': lambda: [patch.object(TargetMotion, 'growth', None)],
+    'rotation by optical flow': lambda: [patch.object(TargetMotion, 'turn', None)],
+    'check of jumps by optical flow': lambda: [patch.object(guided_search, '_FAR', math.inf)],
+    'lower bounds of usual response and similarity': lambda: [
         patch.object(localiser, '_FIRST_RESPONSE', 0.0),
         patch.object(localiser, '_FIRST_SIMILARITY', 0.0)],
-    'trust in presence': lambda: [
+    'no failure while surely present': lambda: [
         patch.object(PresenceDetector, 'is_sure', lambda self, *_: False)],
-    'the share of the first frame': lambda: [
+    "the first frame's weight in updates": lambda: [
         patch.object(target_model, '_FIRST_IN_FILTER', 0.0),
         patch.object(target_model, '_FIRST_IN_SCALE', 0.0)],
     'the global search': lambda: [
         patch.object(GlobalSearch, 'update', lambda self, *_: None)],
-    'doubt of what was found': lambda: [patch.object(global_search, '_CONFIRMED', 0.0)],
+    'doubt of a re-detected place': lambda: [patch.object(global_search, '_CONFIRMED', 0.0)],
     'the rival': lambda: [patch.object(Redetection, 'update', _without_rival)],
     're-detection': lambda: [patch.object(Redetection, 'update', _unsearched)]}
 
@@ -157,10 +157,10 @@ def main() -> None:
         '# What each ingredient is worth\n\n'
         f'Made by `python benchmarks/ingredients.py`: `{arguments.tracker}`, the first '
         f'{arguments.frames} frames of {len(found)} targets of the shared sequences, '
-        f'seeds: {arguments.seeds}. In the first row the AUC with everything; below, what is lost '
-        '(-) or gained (+) without one ingredient, with the 95 % interval of a paired bootstrap '
-        'over the targets. Rounding alone changes a mean by up to .005, for a target that is lost '
-        'in one run is kept in another.\n\n'
+        f'seeds: {arguments.seeds}. The first row is the AUC with all ingredients; the others are '
+        'what is lost (-) or gained (+) without one, with the 95 % interval of a paired bootstrap '
+        'over the targets. Rounding errors alone change a mean by up to .005, since a target that '
+        'is lost in one run is kept in another.\n\n'
         + facts_text(environment()) + '.\n']
     for half, title in HALVES.items():
         rows = [['without', *(f'{kind} {severity:g}' if kind != 'plain' else kind

@@ -3,8 +3,8 @@ Latency, loss, CPU and memory of the node, beside a node that does nothing.
 
 `.venv/bin/python benchmarks/latency.py [--tracker T] [--seconds S]` writes latency.json and
 latency.md into docs/results. The null node takes the image and publishes a pose at once; it's
-measured in turn with ours, block by block, so that both see the same machine. Run it while
-nothing else runs.
+measured in alternation with ours, block by block, so that both have the same conditions. Run it on
+an otherwise idle machine.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def measure_stream(bench: Bench, width: int, height: int, rate: int, tracker: st
         pids = {'null': null.pid, 'ours': ours.pid}
         for block in range(-1, BLOCKS):
             for name in names:
-                # The block before the first warms everything up.
+                # The first block is a warm-up and isn't counted.
                 measured = Measured() if block < 0 else results[name]
                 began = []
                 count = int(rate * (1.0 if block < 0 else seconds / BLOCKS))
@@ -121,7 +121,7 @@ def measure_stream(bench: Bench, width: int, height: int, rate: int, tracker: st
 
 
 def measure_delivery(bench: Bench, tracker: str, seconds: float) -> dict[str, dict[str, float]]:
-    """Count what arrives of VGA at 30 Hz from a best-effort and from a reliable publisher."""
+    """Count the answers to VGA at 30 Hz from a best-effort and from a reliable publisher."""
     messages, box = scene(640, 480)
     figures = {}
     for policy in (ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.RELIABLE):
@@ -237,10 +237,10 @@ def page(results: dict[str, Any]) -> str:
         '# Latency of the node', '',
         f'`benchmarks/latency.py`, tracker {results["tracker"]}, {results["date"]}, '
         f'{results["machine"]}; load average at the start {results["load"]:.1f}.', '',
-        'Image to pose in ms, publisher and listener in one process, the node in another, shared '
-        'memory profile. The null node publishes a pose for every image and does nothing else; '
-        '*above* is the p50 less that of the null node and less the own compute of the tracker '
-        '(wanted: at most 0.5).', '',
+        'Latency from image to pose in ms; publisher and listener in one process, the node in '
+        'another, shared memory profile. The null node publishes a pose for every image and does '
+        "nothing else. *above* is our p50 minus that of the null node and minus the tracker's "
+        'compute time (goal: at most 0.5). *lost* images had no answer.', '',
         '| stream | null p50 | null p99 | ours p50 | ours p99 | compute p50 | above | null lost | '
         'ours lost | CPU above null | RSS |',
         '| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |']
@@ -259,8 +259,8 @@ def page(results: dict[str, Any]) -> str:
         lines.append(f'| {name} | {row["frames_answered"]} of {row["frames_sent"]} |')
     row = results['parameters']
     lines += ['', '## Parameters', '',
-              f'{row["changes"]} changes of the number of particles: from the return of the call '
-              f'to the first result that shows it p50 {row["ms_p50"]:.1f} ms, p99 '
+              f'{row["changes"]} changes of the number of particles. Time from the return of the '
+              f'call to the first result with the new number: p50 {row["ms_p50"]:.1f} ms, p99 '
               f'{row["ms_p99"]:.1f} ms, after at most {row["frames_max"]} frame(s).', '',
               '## Four trackers on one VGA stream at 30 Hz', '',
               '| tracker | poses | reported missing | p50 | p99 |',

@@ -3,8 +3,8 @@ A network under a filter beside the same network alone, as OpenCV's TrackerNano 
 
 `VTRACK_NANOTRACK=FOLDER python benchmarks/localisers.py [--seeds K] [--frames N]` writes
 docs/results/localisers.json and .md; the folder has nanotrack_backbone_sim.onnx and
-nanotrack_head_sim.onnx. Each seed of the stressed sequences is a stress of its own, and the
-trackers'. Runs are kept, as those of `vtrack evaluate`: what was interrupted goes on.
+nanotrack_head_sim.onnx. Under stress, a seed is that of the random changes and of the trackers.
+Runs are cached as by `vtrack evaluate`: after an interruption, finished ones aren't run again.
 """
 
 from __future__ import annotations
@@ -121,12 +121,13 @@ def _page(plain: Results, stressed: dict[str, dict[str, Array]],
         '# Localisers: a network under a filter, and alone\n\n'
         f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py` with the public weights of '
         f'NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} targets, '
-        f'{length} of each, seeds: {arguments.seeds}, one thread. What the figures mean is in '
-        '[evaluate.md](../evaluate.md); intervals are a bootstrap over the '
+        f'{length} of each, seeds: {arguments.seeds}, one thread. The figures are explained in '
+        '[evaluate.md](../evaluate.md); intervals are from a bootstrap over the '
         f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
-        f'{ALONE} has a score, its confidence here, and no covariance; it never says that it lost '
-        'the target. Times are processor time, and depend on what else the machine did.\n\n'
-        f'## Under stress\n\nAUC over {stressed_length}, seeds: {arguments.stress_seeds}, the '
+        f'{ALONE} has no covariance; its score is taken as the confidence, and it never reports '
+        'the target as lost. *cpu ms* is processor time, *ms p99* wall-clock time; both depend on '
+        'the other load of the machine.\n\n'
+        f'## Under stress\n\nAUC over {stressed_length}, seeds: {arguments.stress_seeds}, '
         f'mean over the severities of each kind.\n\n{markdown(under)}\n\n'
         f'## AUC by target, as they are\n\n{markdown(by_target)}\n')
 

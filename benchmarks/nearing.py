@@ -27,11 +27,11 @@ from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH, HEIGHT = 640, 480
-#: The drawn world, and the target in its middle, where the camera is nearest, in pixels.
+#: Size of the drawn world, and the target's side in its middle, at full resolution, [px].
 WORLD, TARGET = (2560, 1920), 336
-#: The films: the target's first and last side, in pixels, and the frames.
+#: Films: (target's side in the first frame and in the last one, [px]; number of frames).
 FILMS = ((24, 336, 300), (336, 24, 300), (24, 240, 100), (24, 240, 25), (60, 120, 300))
-#: The last frames, which have a column of their own.
+#: Number of last frames whose mean overlap is also given alone.
 LAST = 10
 
 
@@ -44,12 +44,12 @@ class Film:
 
 
 def film(first: float, last: float, count: int, seed: int) -> Film:
-    """Draw a camera that comes near, or goes away, at an even rate, not held quite still."""
+    """Draw a film: the camera approaches or recedes by a constant factor a frame, and sways."""
     rng = np.random.default_rng(seed)
     world = _texture(rng, *WORLD, (100, 115, 105), 40)
     left, top = ((side - TARGET) // 2 for side in WORLD)
     world[top:top + TARGET, left:left + TARGET] = _texture(rng, TARGET, TARGET, (70, 90, 190), 50)
-    # OpenCV samples without a filter: from far away, from a picture of half the size, or less
+    # OpenCV samples without anti-aliasing: small scales are sampled from a Gaussian pyramid
     levels = [world]
     while len(levels) < 5:
         levels.append(cv2.pyrDown(levels[-1]))
@@ -78,7 +78,7 @@ def followed(tracker: str, first: int, last: int, count: int, seed: int) -> Arra
 
 def _texture(rng: np.random.Generator, width: int, height: int, mean: tuple[int, int, int],
              contrast: float) -> Frame:
-    """Return noise of several grain sizes about a colour: there's some from near and from far."""
+    """Return noise of several grain sizes about a colour, visible from near and from far."""
     total = np.zeros((height, width, 3), np.float32)
     for grain in (4, 16, 64):
         small = rng.standard_normal((height // grain + 2, width // grain + 2, 3), np.float32)
@@ -88,7 +88,7 @@ def _texture(rng: np.random.Generator, width: int, height: int, mean: tuple[int,
 
 
 def main() -> int:
-    """Follow the target in all films, and write the page."""
+    """Track the target in all films, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--jobs', type=int, default=2)
     parser.add_argument('--seeds', type=int, default=3)
@@ -112,11 +112,11 @@ def main() -> int:
         print(*row, flush=True)
     text = f"""# When the target comes near, or goes away
 
-A drawn film of {WIDTH}x{HEIGHT} pixels, in which the camera comes near its target, or goes away,
-by the same factor in each frame: the header says from which side of the target to which.
-Each cell is the mean overlap of all frames, then that of the last {LAST}; the mean of
-{arguments.seeds} films of other textures. No constant was chosen by these films but the bounds of
-the size, a twentieth and twenty times the first one.
+In drawn films of {WIDTH}x{HEIGHT} pixels the camera approaches its target, or moves away from it,
+by the same factor in each frame. The header gives the target's side in the first and last frame.
+Each cell is the mean overlap of all frames, then that of the last {LAST}; both are means over
+{arguments.seeds} films with different textures. The only constants chosen on these films are the
+bounds of the size, a twentieth and twenty times the first one.
 
 {facts_text(environment())}
 

@@ -1,4 +1,4 @@
-"""What measuring a node takes: its process, a stream of images, CPU and memory."""
+"""Helpers to measure a node: its process, a stream of images, answers, CPU and memory."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from vtrack_ros.bags.messages import detected_box
 from vtrack_ros.dds import with_profile
 from vtrack_ros.geometry import Box
 
-#: The target's side, in pixels, and the frames of its way there and back.
+#: The target's side, [px], and the period of its motion to and fro, [frames].
 SIDE, WAY = 64, 12
+#: Time-out of whatever is waited for, [s].
 PATIENCE = 30.0
 
 
@@ -41,7 +42,7 @@ class Bench:
         rclpy.try_shutdown()
 
     def until(self, condition: Any, what: str) -> None:
-        """Spin until a condition holds."""
+        """Spin until a condition holds; after `PATIENCE`, raise RuntimeError(what)."""
         deadline = time.monotonic() + PATIENCE
         while not condition():
             if time.monotonic() > deadline:
@@ -56,7 +57,7 @@ class Bench:
 
     def stream(self, publisher: Any, messages: Sequence[Any], rate: float, count: int,
                began: list[int], first: int) -> None:
-        """Publish `count` images at a rate, spinning meanwhile; notes when each was sent."""
+        """Publish `count` images at a rate, [Hz], and spin; append the times of sending, [ns]."""
         due = time.perf_counter()
         for index in range(count):
             self.rest(due - time.perf_counter())
@@ -70,14 +71,14 @@ class Bench:
 
 
 class Answers:
-    """What comes back for the images that were sent: how soon, and with the target or not."""
+    """Record the answers to images that were sent: latency, and box where there is one."""
 
     def __init__(self) -> None:
         self._sent: dict[int, int] = {}
         self.clear()
 
     def clear(self) -> None:
-        """Begin to count anew; what was sent before isn't heard of any more."""
+        """Reset the records; answers to images sent before are ignored."""
         self._sent.clear()
         self.latency_ms: list[float] = []
         #: The box by the image's stamp, where the target was found.
@@ -95,7 +96,7 @@ class Answers:
         publisher.publish(image)
 
     def hear(self, message: Any) -> None:
-        """Count the detections of one image."""
+        """Record the answer to one image."""
         stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
         if stamp in self._sent:
             self.latency_ms.append((time.perf_counter_ns() - self._sent.pop(stamp)) / 1e6)
@@ -124,7 +125,7 @@ def child(*arguments: str, environment: Mapping[str, str] | None = None,
         try:
             process.wait(5)
         except subprocess.TimeoutExpired:
-            # what was measured isn't lost for that
+            # no error, so that the measurements are kept
             print(f'{process.args} did not end on SIGTERM', file=sys.stderr)
             process.kill()
             process.wait()
@@ -137,13 +138,13 @@ def tracker_arguments(name: str, tracker: str, box: str, *more: str) -> list[str
 
 
 def target_box(index: int, width: int, height: int) -> Box:
-    """Return where the target is in an image of the `scene`, which begins again and again."""
+    """Return the target's box in an image of the `scene`, which repeats after `WAY` images."""
     across = 4 * (WAY // 2 - abs(index % WAY - WAY // 2))
     return Box(width // 3 + across, height // 3, SIDE, SIDE)
 
 
 def scene(width: int, height: int) -> tuple[list[Any], str]:
-    """Return images of a textured square that goes there and back, and its first box."""
+    """Return images of a textured square that moves to and fro, and its first box."""
     rng = np.random.default_rng(1)
     ground = np.kron(rng.integers(40, 120, (height // 20, width // 20, 3)),
                      np.ones((20, 20, 1))).astype(np.uint8)
@@ -177,10 +178,10 @@ def cpu_seconds(pid: int) -> float:
 
 def rss_mb(pid: int, part: str = 'VmRSS') -> float:
     """
-    Return the memory that a process holds, in MB; libraries and DDS segments counted too.
+    Return the resident memory of a process, [MB]; libraries and DDS segments are included.
 
-    The `part` that's its own alone is `RssAnon`: the pages of shared memory, which is of a fixed
-    size, count from when they're used first.
+    With the `part` `RssAnon`, only private memory counts. Shared memory has a fixed size, but each
+    of its pages counts only from its first use on.
     """
     status = dict(line.split(':', 1) for line in
                   Path(f'/proc/{pid}/status').read_text().splitlines() if ':' in line)

@@ -36,7 +36,7 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
         x_k = 0.5 x + 25 x / (1 + x^2) + 8 cos(1.2 (k - 1)) + v,   x = x_{k-1}
         y_k = x_k^2 / 20 + w
 
-    The measurement doesn't tell the sign of the state: the posterior has two modes. The print
+    The measurement doesn't tell the sign of the state: the posterior has two modes. The paper
     adds `8 cos(k)` to y_k, a known offset that changes nothing. A step has dt = 1; `time` is k.
     The paper gives no variances; 10 and 1 are usual (Gordon, Salmond and Smith, 1993).
     """
@@ -46,7 +46,7 @@ class UnivariateNonstationaryGrowth(StateSpaceModel):
         super().__init__(1, [[checked_positive('measurement_variance', measurement_variance)]])
 
     def transition(self, states: Array, dt: float, time: float = 0.0) -> Array:
-        # In place: 0.5 x + 25 x / (1 + x^2) without four arrays on the way.
+        # In place: 0.5 x + 25 x / (1 + x^2) without four temporary arrays.
         moved = states ** 2
         moved += 1
         np.divide(25, moved, out=moved)

@@ -1,5 +1,5 @@
 """
-The node that everything is held against: an image in, a pose out, and nothing else.
+The baseline of latency: a node that publishes a pose for each image, and does nothing else.
 
 `benchmarks/latency.py` runs it beside the tracker's node.
 """
@@ -14,14 +14,14 @@ from sensor_msgs.msg import Image
 
 
 def main() -> None:
-    """Run the node until it's told to end."""
+    """Run the node until Ctrl-C or a shutdown."""
     rclpy.init(args=[])
     node = Node('null')
     publisher = node.create_publisher(PoseStamped, '/null/pose', QoSProfile(depth=10))
     subscription = node.create_subscription(
         Image, '/null/image', lambda message: publisher.publish(
             PoseStamped(header=message.header)), QoSProfile(depth=1))
-    # Without any timer a shutdown may go unseen.
+    # Without a timer, `spin` may not notice a shutdown.
     node.create_timer(1.0, lambda: None)
     try:
         rclpy.spin(node)

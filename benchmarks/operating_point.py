@@ -1,11 +1,11 @@
 """
 What confidence is worth: wrong boxes against false alarms, as `confidence_threshold` is varied.
 
-`python benchmarks/operating_point.py` follows the targets of the shared sequences, plain and under
+`python benchmarks/operating_point.py` tracks the targets of the shared sequences, plain and under
 stress, and writes docs/results/presence.md and docs/images/presence.svg: those on which constants
-were tuned, and the others. A box is wrong where the state is TRACKING and its overlap with the
-target is below 0.1, or the target hidden; a false alarm, where it isn't TRACKING though the
-overlap is above 0.5. Shares are means over targets.
+were tuned, and the others. A box is wrong if the state is TRACKING although its overlap with the
+target is below 0.1, or the target is hidden. A false alarm is a frame that isn't TRACKING although
+the overlap is above 0.5. Shares are means over targets.
 """
 
 from __future__ import annotations
@@ -39,7 +39,12 @@ DEFAULT = float(PRESENCE['confidence_threshold'].default)
 
 @dataclass(frozen=True)
 class Record:
-    """A run, frame by frame but for the first: confidence, on and off the target, just hidden."""
+    """
+    A run, frame by frame without the first.
+
+    `on` and `off` tell whether the box is on and off the target, `vanished` whether the frame is
+    the first one of those in which it's hidden.
+    """
 
     half: str
     kind: str
@@ -49,16 +54,16 @@ class Record:
     vanished: NDArray[np.bool_]
 
     def wrong(self, threshold: float) -> float:
-        """Return the share of frames that are tracked off the target."""
+        """Return the share of all frames that are TRACKING off the target."""
         return float((self.off & (self.confidence >= threshold)).mean())
 
     def alarms(self, threshold: float) -> float:
-        """Return the share of the frames on the target that aren't tracked; NaN without any."""
+        """Return the share of frames on the target that aren't TRACKING; NaN without any."""
         return float((self.confidence < threshold)[self.on].mean()) if self.on.any() else np.nan
 
 
 def follow(tracker: str, kind: str, seed: int, sequence: FolderSequence) -> Record:
-    """Follow a target under stress."""
+    """Track a target under stress."""
     with one_thread():
         stressed = stressed_sequence(sequence, kind, KINDS[kind], seed)
         run = run_tracker(create_tracker(tracker, seed=seed), stressed.frames(),
@@ -121,20 +126,21 @@ def main() -> None:
         for kind in KINDS for one in found)) for tracker in arguments.trackers.split(',')}
     draw(records, ROOT / 'docs' / 'images' / 'presence.svg')
     tables = '\n\n'.join(f'`{tracker}`:\n\n' + markdown([
-        ['videos', 'stress', 'AUROC', 'wrong boxes', 'false alarms', 'gone in the same frame'],
+        ['videos', 'stress', 'AUROC', 'wrong boxes', 'false alarms', 'reported at once'],
         *rows(every)]) for tracker, every in records.items())
     text = f"""# What confidence is worth
 
 The first {arguments.frames} frames of {len(found)} targets of the shared sequences, seed
-{arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong where the
-state is TRACKING and its overlap with the target is below 0.1, or the target hidden; a false alarm
-is a frame that isn't TRACKING though the overlap is above 0.5. Shares are means over targets at
-`confidence_threshold` {DEFAULT}; the AUROC is over all frames. The weights of the evidence were
-found on both halves, each weighed on the other (see [decisions](../decisions.md)).
+{arguments.seed}; `python benchmarks/operating_point.py` writes this page. A box is wrong if the
+state is TRACKING although its overlap with the target is below 0.1, or the target is hidden. A
+false alarm is a frame that isn't TRACKING although the overlap is above 0.5. Shares are means over
+targets at `confidence_threshold` {DEFAULT}; the AUROC is over all frames. *reported at once*: how
+often the first hidden frame wasn't TRACKING. The weights of the evidence were fitted on both
+halves, and those of each half were tested on the other (see [decisions](../decisions.md)).
 
 ![Wrong boxes against false alarms](../images/presence.svg)
 
-The dot is the default of `confidence_threshold`; on the way to the right it rises to 0.99.
+The dot marks the default of `confidence_threshold`; the threshold rises to the right, up to 0.99.
 
 {tables}
 """

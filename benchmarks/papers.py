@@ -3,7 +3,7 @@ The claims of the four papers, put to the test on rendered scenes and a few real
 
 Runs the replicas, which have the papers' own cues, and writes `docs/results/papers.json`, the
 tables between the marks in `docs/results/papers.md`, and the charts beside it. Films and runs are
-kept, and only what has changed is run again; `--no-cache` also measures all times anew.
+cached, and only what has changed is run again; `--no-cache` runs, and times, everything again.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from vtrack_ros.evaluation.cache import default_folder, RunCache
 from vtrack_ros.evaluation.results_json import environment
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Name -> experiments, and how many runs they are unless it's said.
+#: Name -> (experiments, default number of runs).
 PAPERS = {'paper1': (zhu.run, 20), 'paper2': (qi.run, 30), 'paper3': (yin.run, 10),
           'paper4': (xiang.run, 10)}
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the experiments and write what came out."""
+    """Run the experiments and write the results."""
     arguments = _arguments(argv)
     folder = None if arguments.no_cache else arguments.cache
     path: Path = arguments.json

@@ -27,22 +27,22 @@ from vtrack_ros.trackers import create_tracker, Frame
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES, RESULTS = ROOT / 'docs' / 'images', ROOT / 'docs' / 'results'
-#: The frame of each scene in which what makes it hard is seen.
+#: Scene -> frame that shows its difficulty.
 TELLING = {'face_fast': 14, 'football': 66, 'similar_occlusion': 106, 'pose_change': 56,
            'scale_change': 76, 'light_change': 66, 'light_step': 60, 'full_occlusion': 66,
            'car_approach': 110, 'helicopter': 100, 'leave_and_return': 52, 'low_light_noise': 30,
            'distractor_cross': 40}
-#: What the animation shows: scenes side by side, their first and last frame.
+#: Scenes of the animation, side by side -> (first frame, last frame).
 ANIMATED = {'scale_change': (20, 110), 'full_occlusion': (30, 120), 'light_change': (20, 110)}
-#: What the sheet of gmpf's parameters shows: little, the default and much of each.
+#: Parameters of gmpf on the sheet -> (low value, default, high value).
 VARIED = {'particles': (10, 150, 1000), 'acceleration': (0.02, 0.2, 1.0),
           'temperature': (0.01, 0.07, 0.5)}
-#: The size of a picture, and every how many frames one is shown for how long, in ms.
+#: Size of a picture, [px]; in the animation, step [frames] and duration of each picture, [ms].
 SIZE, STEP, SHOWN = (280, 210), 2, 80
 
 
 def tracked(scene: str, frames: int, **parameters: float) -> Iterator[tuple[Frame, str]]:
-    """Return the pictures of a scene tracked by gmpf, with all that is known, and the state."""
+    """Yield the pictures of a scene tracked by gmpf, with the estimate drawn, and the state."""
     shots = render(scene, frames=frames)
     first = next(shots)
     tracker = create_tracker('gmpf', seed=0, **parameters)
@@ -59,7 +59,7 @@ def tracked(scene: str, frames: int, **parameters: float) -> Iterator[tuple[Fram
 
 
 def resized(picture: Frame, text: str) -> Frame:
-    """Return a picture in the common size, a text on it, bordered where the shape is another."""
+    """Return a picture in the common size, padded if its aspect differs, with a text on it."""
     scale = min(SIZE[0] / picture.shape[1], SIZE[1] / picture.shape[0])
     small = cv2.resize(picture, None, fx=scale, fy=scale,
                        interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC)
@@ -72,7 +72,7 @@ def resized(picture: Frame, text: str) -> Frame:
 
 
 def captioned(picture: Frame, text: str) -> Frame:
-    """Return a picture with a line below what it shows."""
+    """Return a picture with a caption in its lowest lines."""
     cv2.rectangle(picture, (0, SIZE[1] - 22), (SIZE[0], SIZE[1]), (32, 32, 32), -1)
     cv2.putText(picture, text, (6, SIZE[1] - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255),
                 1, cv2.LINE_AA)
@@ -89,7 +89,7 @@ def write_scenes(path: Path) -> None:
 
 
 def write_parameters(path: Path) -> None:
-    """Write a sheet with what the parameters do to a face that darts off."""
+    """Write a sheet that shows the effect of the parameters on a face that moves fast."""
     scene, pictures = 'face_fast', []
     for name, values in VARIED.items():
         for value in values:

@@ -8,17 +8,17 @@ import math
 from pathlib import Path
 from typing import Any
 
-#: How long a line becomes, but for its indentation and name.
+#: Upper bound of a line's length, [characters], without indentation and name.
 LONGEST = 500
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write figures in four digits; what fits in `LONGEST` characters takes one line."""
+    """Write figures with four digits; a value of at most `LONGEST` characters has one line."""
     path.write_text(_text(_rounded(content), '') + '\n', encoding='utf-8')
 
 
 def facts_text(facts: Mapping[str, Any]) -> str:
-    """Return on one line what figures depend on besides: `environment`."""
+    """Return on one line the `environment` that figures were measured in."""
     return ', '.join(f'{key} {value}' for key, value in facts.items())
 
 

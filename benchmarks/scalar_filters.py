@@ -1,5 +1,5 @@
 """
-Particle filters on scalar models: what `ung.py` runs, and how it sums up.
+Particle filters on scalar models: the runs of `ung.py`, and their summaries.
 
 The filters are those of the second paper's Table 1 and controls. They run on the same simulated
 trajectories, so that differences are paired.
@@ -30,7 +30,7 @@ ORDER = 5
 
 class Demonstration(VanDerMerweModel):
     """
-    What the filters of van der Merwe's published demonstration believe.
+    The model that the filters of van der Merwe's published demonstration assume.
 
     Their predictions leave out the mean of the Gamma noise, the variances of both noises are
     inflated, the prior's density is taken at x_k - x_{k-1}; and 1e-99 is added to each likelihood.
@@ -38,7 +38,7 @@ class Demonstration(VanDerMerweModel):
     Parameters
     ----------
     inflation : float
-        Of the process noise.
+        Factor on the variance of the process noise.
 
     """
 
@@ -80,7 +80,7 @@ class Runs:
     start : float
         The state at time zero, which the filters know up to the process noise.
     count : int
-        How many trajectories.
+        Number of trajectories.
     seed : int
         Trajectory i and the filters on it are seeded by (seed, i).
 
@@ -106,14 +106,15 @@ class Runs:
         particles : int
             N.
         believed : StateSpaceModel, optional
-            What the filter believes in; by default the truth. Likelihoods are always true.
+            The model that the filter assumes; by default the true one. The likelihood is always
+            that of the true model.
         floor : float
-            What is added to each likelihood.
+            Constant added to each likelihood.
 
         Returns
         -------
         errors : ndarray, shape (runs, steps)
-            Of the estimates.
+            Errors of the estimates.
         seconds : float
             Mean processor time of a run.
 

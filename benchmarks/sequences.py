@@ -3,7 +3,7 @@ Accuracy of every tracker, and of OpenCV's, on the shared sequences.
 
 `scripts/peers --python benchmarks/sequences.py [--seeds K]` writes docs/results/sequences.json and
 .md, of the targets on which constants were tuned, and sequences_other.json and .md of the others;
-it checks that the harness measures CSRT and KCF as an outside one does.
+it checks that the harness gives the same AUC of CSRT and KCF as an external one.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from vtrack_ros.frame import Array
 from vtrack_ros.trackers import available_peers
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Mean AUC over the sixteen targets by an outside harness with OpenCV 5.0, and how near is right.
+#: (mean AUC over the sixteen targets by an external harness with OpenCV 5.0, tolerance).
 REFERENCE = {'opencv_csrt': (0.58, 0.02), 'opencv_kcf': (0.25, 0.03)}
 PAGES = {'tuned': 'sequences', 'others': 'sequences_other'}
-TITLE = {'tuned': 'The sequences: every tracker beside its peers',
+TITLE = {'tuned': 'The sequences: every tracker and its peers',
          'others': 'Sixteen other targets'}
 WHICH = {
     'tuned': 'Constants were chosen on these videos; the others are in '
              '[sequences_other.md](sequences_other.md).',
-    'others': 'Constants were chosen on the videos of [sequences.md](sequences.md); these '
-              '(drones, a thermal camera, small and fast targets, camera shake) confirmed '
-              'decisions, and the threshold of confidence was chosen on both. Nothing was chosen '
-              'on those of [davis.md](davis.md).'}
+    'others': 'Constants were chosen on the videos of [sequences.md](sequences.md). On these '
+              '(drones, a thermal camera, small and fast targets, camera shake) decisions were '
+              'confirmed; the confidence threshold was chosen on both. Nothing was chosen on the '
+              'videos of [davis.md](davis.md).'}
 COLUMNS = ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'failures', 'auroc',
            'losses_reported', 'report_frames', 'false_alarms', 'wrong_tracking', 'coverage50',
            'coverage90', 'cpu_ms_median')
@@ -68,7 +68,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def needed_peers_found(call: str) -> bool:
-    """Tell whether OpenCV has the peers; if not, say how a benchmark is called with them."""
+    """Tell whether OpenCV has CSRT and KCF; if not, print how to call a benchmark with them."""
     found = {'opencv_csrt', 'opencv_kcf'} <= set(available_peers())
     if not found:
         print('this OpenCV has neither CSRT nor KCF; run it as\n'
@@ -83,7 +83,7 @@ def difference(results: Results, tracker: str, other: str) -> tuple[float, float
     Parameters
     ----------
     results : Results
-        Where both are in.
+        Results that contain both.
     tracker, other : str
         Labels; positive where the first is better.
 
@@ -138,12 +138,12 @@ def _page(results: Results, half: str) -> str:
     seeds = len(results.seeds)
     head = (
         f'# {TITLE[half]}\n\n'
-        f'{len(results.sequences)} targets, all frames, {seeds} seed{"s" * (seeds != 1)}, one set '
-        f'of defaults for all, one pass from the first true box, one thread. {WHICH[half]} Made '
-        'by `scripts/peers --python benchmarks/sequences.py`; what the figures mean is in '
+        f'{len(results.sequences)} targets, all frames, {seeds} seed{"s" * (seeds != 1)}, the '
+        f'same defaults for all, one pass from the first true box, one thread. {WHICH[half]} Made '
+        'by `scripts/peers --python benchmarks/sequences.py`; the figures are explained in '
         '[evaluate.md](../evaluate.md).\n\n'
         + facts_text(as_json(results)['environment'])
-        + f'. Times {results.timings}: processor time of an update, median.\n')
+        + f'. Times ({results.timings}): median processor time of an update.\n')
     rows = [['tracker', *(TITLES[key] for key in COLUMNS), 'AUC minus CSRT [95 %]']]
     for label in ranked:
         scores = results.summary[label]
@@ -156,9 +156,9 @@ def _page(results: Results, half: str) -> str:
         by_sequence.append([name, *(number_text(
             row.get(label, {}).get('auc', math.nan), 'auc') for label in ranked)])
     return (f'{head}\n## Means over the targets\n\n{markdown(rows)}\n\n'
-            'Overlap, centre and calibration are means over the targets; AUROC is of all frames '
-            'together. The interval is a bootstrap over the targets. The peers give no '
-            'covariance, and no confidence but found or not.\n\n'
+            'Overlap, centre error and calibration are means over the targets; AUROC is over all '
+            'frames together. The interval is from a bootstrap over the targets. The peers give '
+            'no covariance; their confidence is only whether the target was found.\n\n'
             f'## AUC by target\n\n{markdown(by_sequence)}\n'
             + (f'\n{_checks(results)}' if half == 'tuned' else ''))
 
@@ -175,7 +175,7 @@ def _checks(results: Results) -> str:
         if peer in results.summary:
             measured = results.summary[peer]['auc']
             verdict = 'agrees' if abs(measured - expected) <= tolerance else 'does not agree'
-            lines.append(f'- {peer}: mean AUC {measured:.3f} here, {expected:.2f} by an outside '
+            lines.append(f'- {peer}: mean AUC {measured:.3f} here, {expected:.2f} by an external '
                          f'harness; within {tolerance:.2f} it {verdict}.')
     return '\n'.join(lines) + '\n'
 

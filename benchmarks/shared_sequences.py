@@ -28,7 +28,7 @@ def half_of(name: str) -> str:
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
-    """Return the options of who follows the sequences' targets for a while."""
+    """Return the common options of benchmarks that track the sequences' targets."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--frames', type=int, default=150)
@@ -38,7 +38,7 @@ def options(description: str | None) -> argparse.ArgumentParser:
 
 def folder_sequences(
         folder: Path, frames: int | None = None) -> tuple[list[FolderSequence], dict[str, str]]:
-    """Return a folder's sequences, their first frames, and what is wrong with which others."""
+    """Return a folder's sequences, their first frames, and name -> problem of broken ones."""
     found, broken = find_sequences(folder)
     return [replace(one, truth=one.truth[:frames], images=one.images[:frames])
             for one in found if isinstance(one, FolderSequence)], broken

@@ -1,10 +1,10 @@
 """
 A cable between two network namespaces that takes time, and loses packets.
 
-Kernels without netem have no delay. Two TAP devices do as well, one in each namespace, between
-which this process carries the packets, later: `python slow_cable.py NAMESPACE DEVICE NAMESPACE
-DEVICE --delay SECONDS --loss SHARE`, as root. It says so when the devices are there, and ends with
-them when it's told to.
+A replacement for netem, which some kernels lack: this process makes two TAP devices, one in each
+namespace, and carries packets between them with a delay. `python slow_cable.py NAMESPACE DEVICE
+NAMESPACE DEVICE --delay SECONDS --loss SHARE`, as root. It prints `ready` when there are devices,
+which last until the process is ended.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ import select
 import struct
 import time
 
-#: The request of an ioctl, and flags, of linux/if_tun.h.
+#: Of linux/if_tun.h: the ioctl request TUNSETIFF, and the flags IFF_TAP and IFF_NO_PI.
 _SET_INTERFACE, _TAP, _NO_HEADER = 0x400454ca, 0x0002, 0x1000
+#: Upper bound of the size of a packet, [bytes].
 _LONGEST = 65536
-#: No more than that is on its way, as in a switch.
+#: Upper bound of the packets on their way; further ones are dropped, as in a switch.
 _WAITING = 1000
 
 
@@ -37,7 +38,7 @@ def tap(namespace: str, device: str) -> int:
 
 
 def carry(ends: tuple[int, int], delay: float, loss: float, rng: random.Random) -> None:
-    """Carry packets both ways until the process ends; each takes as long as all others."""
+    """Carry packets both ways, all with the same delay, until the process ends."""
     others = dict(zip(ends, reversed(ends)))
     waiting: deque[tuple[float, int, bytes]] = deque()
     while True:
@@ -56,7 +57,7 @@ def carry(ends: tuple[int, int], delay: float, loss: float, rng: random.Random) 
 
 
 def main() -> None:
-    """Be a cable."""
+    """Make the devices, and carry packets between them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('ends', nargs=4, metavar='NAMESPACE DEVICE')
     parser.add_argument('--delay', type=float, required=True)

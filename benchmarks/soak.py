@@ -2,7 +2,7 @@
 The node for a long time at VGA and 60 Hz: does it grow, slow down, or keep what it opened.
 
 `.venv/bin/python benchmarks/soak.py [--minutes M]` writes soak.json and reliability.md into
-docs/results. What is measured in every minute comes from /proc and from the boxes that are heard.
+docs/results. The figures of each minute are from /proc and from the boxes that were received.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from vtrack_ros.dds import reserve_domain, with_profile
 
 ROOT = Path(__file__).resolve().parents[1]
 WIDTH, HEIGHT = 640, 480
-#: How often the node is halted for a second before the first window.
+#: Number of times that the node is halted for a second before the first window.
 _HALTS = 3
 
 
 @dataclass(frozen=True)
 class Window:
-    """What was measured in a minute, or in whatever a soak is cut into; memory is at its end."""
+    """Figures of one window of a soak, by default a minute; memory is that at its end."""
 
     sent: int
     answered: int
@@ -50,12 +50,12 @@ class Window:
     private_mb: float
     descriptors: int
     threads: int
-    #: The share of the machine's time that its host gave to others.
+    #: Steal time: share of the machine's processor time that its host gave to others.
     stolen: float
 
 
 def machine_ticks() -> tuple[int, int]:
-    """Return the time that the host gave to others, and all of it, in ticks."""
+    """Return the machine's steal time and its whole processor time, in ticks."""
     ticks = [int(one) for one in Path('/proc/stat').read_text().split('\n', 1)[0].split()[1:9]]
     return ticks[7], sum(ticks)
 
@@ -68,7 +68,7 @@ def least_iou(answers: Answers, period: int) -> float:
 
 def soak(bench: Bench, windows: int, seconds: float, rate: float,
          tell: Any = lambda window: None) -> list[Window]:
-    """Send images to a node for so many windows of so many seconds; return their figures."""
+    """Send images to a node for `windows` windows of `seconds` each; return their figures."""
     images, box = scene(WIDTH, HEIGHT)
     period = round(1e9 / rate)
     answers, compute = Answers(), list[float]()
@@ -91,12 +91,12 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
             number += 1
             answers.send(publisher, images[number % len(images)], number * period)
         while not answers.found:
-            # The box is that of the first image, whichever of these comes first.
+            # `init_box` is for the first image, whichever copy of it arrives first.
             number += len(images)
             answers.send(publisher, images[0], number * period)
             bench.executor.spin_once(timeout_sec=0.1)
-        # Halted, the node leaves its queues to fill: what they take of the camera's shared memory
-        # counts as the node's from its first use on, and is no growth later.
+        # While the node is halted, its queues fill: the camera's shared memory in them counts as
+        # the node's from its first use on, and so isn't taken for growth later.
         for _ in range(_HALTS):
             process.send_signal(signal.SIGSTOP)
             for _ in range(round(rate)):
@@ -113,7 +113,7 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
                 send()
                 due += 1 / rate
                 bench.rest(due - time.perf_counter())
-            # The answers to the last ones.
+            # Time for the answers to the last images.
             bench.rest(0.2)
             due = time.perf_counter()
             stolen, all_ticks = np.subtract(machine_ticks(), before)
@@ -135,7 +135,7 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
 
 
 def main() -> int:
-    """Run the soak and write it down, up to the minute in which it's interrupted."""
+    """Run the soak, and write the results after each minute, so that it can be interrupted."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     parser.add_argument('--minutes', type=int, default=60)
     parser.add_argument('--rate', type=float, default=60.0, metavar='HZ')

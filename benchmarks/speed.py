@@ -3,7 +3,7 @@ Time per frame of every tracker, beside OpenCV's CSRT and KCF on the same frames
 
 `scripts/peers --python benchmarks/speed.py` writes docs/results/speed.json, .md and .svg. All
 trackers run in one process on one thread and take turns on short stretches of the same film, so
-that whatever else the machine does meets them alike.
+that other load on the machine affects all alike.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
 VGA = (640, 480)
 TARGET = 64
 TARGETS = (16, 32, 64, 128, 256)
-#: Where the target is gone: the image's size, and the target's side.
+#: Films in which the target disappears: (image size, target's side), [px].
 SEARCHED = ((VGA, TARGET), (VGA, 16), ((1920, 1080), 16), ((1920, 1080), 512))
 PARTICLES = (25, 50, 100, 150, 200, 400, 800)
 TURN = 8
-#: In so many frames after the first one, trackers with two models update both in each; and after
-#: so many the target is gone in the film in which it's searched.
+#: Number of frames after the first one in which trackers with two models update both in each; and
+#: number of frames with the target in the films in which it disappears.
 START = 30
 
 
 @dataclass(frozen=True)
 class Film:
-    """Frames of a textured target that wanders over a textured ground, and its true boxes."""
+    """Frames of a textured target that moves over a textured ground, and its true boxes."""
 
     frames: list[Frame]
     truth: list[Box]
@@ -68,11 +68,11 @@ def film(size: tuple[int, int], target: int, frames: int, seed: int,
     target : int, [px]
         The target's side.
     frames : int
-        How many.
+        Number of frames.
     seed : int
-        Of textures, noise and path.
+        Seed of textures and noise.
     seen : int, optional
-        After so many frames the target is gone.
+        Number of first frames with the target; by default all.
 
     """
     rng = np.random.default_rng(seed)
@@ -100,14 +100,14 @@ def timed(
     """
     Return the median processor and clock times of an update of each tracker, and its mean IoU.
 
-    The start has a median of its own; the 99th percentile is of all frames.
+    The first `START` updates have a median of their own; the 99th percentile is of all.
 
     Parameters
     ----------
     chosen : iterable of TrackerSpecification
         They take turns of `TURN` frames.
     made : Film
-        What they all see.
+        The film that all are run on.
     seed : int
         The trackers' seed.
 
@@ -120,7 +120,7 @@ def timed(
         tracker.start(made.frames[0], made.truth[0])
     labels, rng = list(trackers), np.random.default_rng(seed)
     for begin in range(1, len(made.frames), TURN):
-        # nobody always follows the one that leaves the coldest caches
+        # in random order: none always runs after the one that leaves the coldest caches
         for label in rng.permutation(labels).tolist():
             tracker = trackers[label]
             for index in range(begin, min(begin + TURN, len(made.frames))):
@@ -138,7 +138,7 @@ def timed(
 
 
 def measure(chosen: list[TrackerSpecification], frames: int, seeds: int) -> dict[str, Any]:
-    """Return all measurements: by image size, target size, particles, and while it's searched."""
+    """Return all measurements: by image size, target size, particles, and without a target."""
     swarms = [tracker for tracker in chosen
               if 'particles' in tracker.tracker_class.PARAMETERS and not tracker.parameters]
     total = len(SIZES) + len(TARGETS) + len(SEARCHED) + 1
@@ -295,20 +295,20 @@ def _page(content: dict[str, Any]) -> str:
     parts = [
         '# Speed', '',
         f'Processor time of an update, median over {content["frames"] - 1 - START} frames after '
-        f'the first {START}, which have a column of their own, mean and '
-        f'standard deviation over seeds {", ".join(map(str, content["seeds"]))}; one thread, all '
-        'trackers in one process, in turns on the same frames. Made by '
+        f'the first {START}, which have a column of their own (*at start*); mean and '
+        f'standard deviation over seeds {", ".join(map(str, content["seeds"]))}. One thread; all '
+        'trackers run in one process and take turns on the same frames. Made by '
         '`scripts/peers --python benchmarks/speed.py`. '
         f'{facts_text(content["environment"])}.',
         '',
         f'## 640x480, target {TARGET} px', '',
-        '"times CSRT" and "times KCF": how many times their frame rate. The last two columns are '
-        'growth: the time at the larger size by that at the smaller.', '',
+        '"times CSRT" and "times KCF": frame rate divided by theirs. The last two columns are the '
+        'time at the larger size divided by that at the smaller.', '',
         markdown(ratios), '',
         f'## The target gone after {START} frames', '',
-        'By the size of the image, and the side of the target: the processor time, the median '
-        'over the frames without it, in which it is searched, and the 99th percentile of the time '
-        'by the clock, of all frames.', '',
+        'By image size and side of the target: median processor time over the frames without the '
+        'target, in which it is searched for, and 99th percentile of the wall-clock time over all '
+        'frames.', '',
         markdown([['tracker', *(f'{film}: {figure}' for film in gone
                                 for figure in ('cpu ms', 'ms p99'))],
                   *([label, *(f'{rows[label][key]:.2f}' for rows in gone.values()

@@ -1,10 +1,10 @@
 """
 Accuracy from other frames than the first one: figures that no choice of a constant was made by.
 
-`python benchmarks/starts.py [--trackers gmpf,dcf]` follows each target of the shared sequences
-from eight starts: forwards from the first frame and from 15, 30, 45 and 60 % of it, backwards from
-the last frame and from 80 and 60 %. It prints the mean AUC of the halves, from the first frame and
-from the other starts, and how much it's above that of the last tracker named.
+`python benchmarks/starts.py [--trackers gmpf,dcf]` tracks each target of the shared sequences from
+eight starts: forwards from the first frame and from 15, 30, 45 and 60 % of the sequence, backwards
+from the last frame and from 80 and 60 %. It prints the mean AUC of both halves of the videos, from
+the first frame and from the other starts, and its difference from that of the last tracker named.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.evaluation import evaluate, FolderSequence, parse_trackers
 from vtrack_ros.evaluation.cache import default_folder, RunCache
 
+#: Starts, as shares of the sequence.
 FORWARDS, BACKWARDS = (0.0, 0.15, 0.3, 0.45, 0.6), (1.0, 0.8, 0.6)
 
 
 def started(one: FolderSequence) -> list[FolderSequence]:
-    """Return a sequence from each start on, the first one first, where its target is there."""
+    """Return a sequence for each start, in order, from the next frame with the target on."""
     count = len(one)
     orders = [np.arange(int(start * count), count) for start in FORWARDS]
     orders += [np.arange(int(start * count))[::-1] for start in BACKWARDS]

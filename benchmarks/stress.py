@@ -2,8 +2,8 @@
 Accuracy of every tracker under stress, beside `dcf`, on the shared sequences.
 
 `python benchmarks/stress.py [--seeds K] [--frames N]` writes docs/results/stress.md and .json,
-those targets on which constants were tuned apart from the others. Each seed has a stress
-of its own. With `--chart`, instead, the chart of a scene is in docs/images/stress.svg.
+with the targets on which constants were tuned separate from the others. Each seed has random
+changes of its own. With `--chart` it writes the chart of a scene, docs/images/stress.svg, instead.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from vtrack_ros.evaluation.table import markdown, number_text
 from vtrack_ros.frame import Array
 
 ROOT = Path(__file__).resolve().parents[1]
-#: What the chart shows.
+#: Scene and kind of stress of the chart.
 SCENE, KIND = 'scale_change', 'jumps'
 
 
@@ -83,7 +83,7 @@ def aucs(each: list[StressResults], kind: str | None, tracker: str) -> Array:
     """
     Return a tracker's AUC, shape (targets, severities), the mean of the results of several seeds.
 
-    The kind None is no stress, of one severity.
+    The kind None is no stress; it has one severity.
     """
     levels = [[one.plain] if kind is None else list(one.of_kind(kind).values()) for one in each]
     return np.mean([[[row.get(tracker, {}).get('auc', math.nan)
@@ -94,9 +94,9 @@ def aucs(each: list[StressResults], kind: str | None, tracker: str) -> Array:
 def gain(each: list[StressResults], tracker: str,
          kinds: tuple[str | None, ...]) -> dict[str, float]:
     """
-    Return a tracker's AUC above that of `dcf`, of each target that both ran on everywhere.
+    Return target -> AUC of a tracker minus that of `dcf`; targets with a failed run are left out.
 
-    The mean over these kinds, of the mean over a kind's severities.
+    It's the mean over these kinds of the mean over a kind's severities.
     """
     gains = np.mean([(aucs(each, kind, tracker) - aucs(each, kind, REFERENCE)).mean(axis=1)
                      for kind in kinds], axis=0)
@@ -120,7 +120,7 @@ def _arguments(argv: list[str] | None) -> argparse.Namespace:
 
 
 def _shown(each: list[StressResults]) -> dict[str, object]:
-    """Return what the page shows, and each target's stress mean above `dcf`."""
+    """Return what the page shows, and each target's mean under stress minus that of `dcf`."""
     first = each[0]
     trackers = list(first.plain.summary)
     changed = stress_json(first)['kinds']
@@ -138,20 +138,21 @@ def _shown(each: list[StressResults]) -> dict[str, object]:
 
 def _page(results: dict[str, list[StressResults]], arguments: argparse.Namespace) -> str:
     parts = [
-        '# Under stress: every tracker beside dcf\n\n'
-        f'Made by `python benchmarks/stress.py`, seeds: {arguments.seeds}, each with a stress of '
-        'its own'
+        '# Under stress: every tracker and dcf\n\n'
+        f'Made by `python benchmarks/stress.py`, seeds: {arguments.seeds}, each with random '
+        'changes of its own'
         + (f', the first {arguments.frames} frames' if arguments.frames else '')
-        + '. What the kinds are stands in [evaluate.md](../evaluate.md#under-stress). Each cell '
-        'is the mean AUC over targets and severities, for dcf itself, and for the others how much '
-        'it is above that of dcf, with the 95 % interval of a paired bootstrap over targets.\n\n'
+        + '. The kinds are described in [evaluate.md](../evaluate.md#under-stress). In the first '
+        'table of each half, the column dcf is its mean AUC over targets and severities; the '
+        'others are that of a tracker minus that of dcf, with the 95 % interval of a paired '
+        'bootstrap over targets.\n\n'
         + facts_text(environment()) + '.\n']
     titles = {'tuned': 'The targets on which constants were tuned', 'others': 'The other targets'}
     for half, each in results.items():
         parts.append(f'## {titles[half]} ({len(each[0].plain.sequences)})\n\n'
                      f'{markdown(_rows(each))}\n\n'
-                     f'Share of frames with the centre elsewhere than that of dcf, and the median '
-                     f'overlap gained there (the first seed):\n\n'
+                     f'Share of frames with the centre elsewhere than that of dcf, and median '
+                     f'overlap gained in these frames (first seed):\n\n'
                      f'{markdown(influence_rows(each[0]))}\n\n'
                      f'AUC by severity:\n\n{markdown(_severities(each))}\n')
     return '\n'.join(parts)
@@ -160,7 +161,7 @@ def _page(results: dict[str, list[StressResults]], arguments: argparse.Namespace
 def _rows(each: list[StressResults]) -> list[list[str]]:
     first = each[0]
     others = [tracker for tracker in first.plain.summary if tracker != REFERENCE]
-    rows = [['', REFERENCE, *(f'{tracker} above it' for tracker in others)]]
+    rows = [['', REFERENCE, *(f'{tracker} minus dcf' for tracker in others)]]
     every = {'plain': (None,), **{kind: (kind,) for kind in first.kinds}, '**mean**': first.kinds}
     for name, kinds in every.items():
         level = np.mean([np.nanmean(aucs(each, kind, REFERENCE)) for kind in kinds])

@@ -30,7 +30,7 @@ def frame(index: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 
 def crossed(session: TrackingSession, index: int) -> set[str]:
-    """Return the files that the update with one frame calls functions of."""
+    """Return the files whose functions are called in the update with one frame."""
     files: set[str] = set()
 
     def note(caller: FrameType, event: str, _: Any) -> None:
@@ -47,7 +47,7 @@ def crossed(session: TrackingSession, index: int) -> set[str]:
 
 
 def main() -> None:
-    """Print the median and the most files a frame, and which they are."""
+    """Print the median and the maximum number of files per frame, and the files."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('tracker', nargs='?', default='gmpf', choices=tracker_names())
     parser.add_argument('--frames', type=int, default=60)

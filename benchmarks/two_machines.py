@@ -2,8 +2,9 @@
 Camera on one machine, tracker on another: two network namespaces, joined by a virtual cable.
 
 `.venv/bin/python benchmarks/two_machines.py` (as root, with iproute2 and nftables) writes
-two_machines.json into docs/results: what arrives of VGA in colour at 30 Hz, raw and compressed,
-and how many bytes it takes, over a good cable, a narrow one, one that loses packets and long ones.
+two_machines.json into docs/results: how many VGA images in colour at 30 Hz arrive, raw and
+compressed, and how many bytes they take, over a good cable, one of low bandwidth, one that loses
+packets, and ones with a delay.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ CAMERA, TRACKER = 'vtrack_camera', 'vtrack_tracker'
 @dataclass(frozen=True)
 class Cable:
     """
-    How a cable is bad: by commands within a namespace, whose device is DEVICE.
+    The impairment of a cable: commands run in both namespaces, where DEVICE is its end.
 
-    One with a `delay`, in seconds, loses a share of the packets by itself.
+    One with a `delay`, [s], is the process `slow_cable.py`, which also loses a share of packets.
     """
 
     commands: tuple[str, ...] = ()
@@ -66,7 +67,7 @@ def run(command: str) -> str:
 
 @contextmanager
 def joined(cable: Cable) -> Iterator[None]:
-    """Join two namespaces, until the block ends."""
+    """Join two namespaces by a cable until the block ends."""
     carrier = None
     try:
         for name in (CAMERA, TRACKER):
@@ -96,7 +97,7 @@ def joined(cable: Cable) -> Iterator[None]:
 
 
 def received_bytes() -> int:
-    """Return what came to the tracker's machine."""
+    """Return the number of bytes that the tracker's machine has received."""
     return int(json.loads(run(f'ip -n {TRACKER} -s -j link show tracker'))[0]['stats64']['rx'][
         'bytes'])
 
@@ -104,7 +105,7 @@ def received_bytes() -> int:
 def measure(cable: Cable, transport: str, reliability: str, seconds: float) -> dict[str, Any]:
     """Measure one stream over one cable."""
     environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
-                   # Both namespaces see the same /dev/shm.
+                   # Both namespaces have the same /dev/shm: exclude shared memory.
                    'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     _, box = scene(640, 480)
     with joined(cable):
@@ -147,7 +148,7 @@ def send(transport: str, reliability: str, seconds: float) -> None:
                 and all(one.get_publisher_count() for one in hearing), 'no node was found')
     count, began = round(RATE * seconds), time.perf_counter()
     for number in range(1, count + 1):
-        # The box of the node is that of the first image, which may be lost.
+        # `init_box` is for the first image, which may be lost: repeat it until there is a box.
         image = images[number % len(images) if answers.found else 0]
         answers.send(publisher, image, number * 10**9 // RATE)
         bench.rest(began + number / RATE - time.perf_counter())

@@ -2,8 +2,8 @@
 Scalar models: the second paper's Table 1 and van der Merwe's figures, done again.
 
 PF, EPF, UPF, QKPF and P-QKPF run on the same simulated trajectories, so that differences are
-paired. Beside them run controls: QKPF with an inflated proposal, P-QKPF regrouped as printed, and
-a particle filter with so many particles that it stands for the exact posterior.
+paired. Controls run on them too: QKPF with an inflated proposal, P-QKPF regrouped as printed, and
+a particle filter with so many particles that it approximates the exact posterior.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SWEPT = ('pf', 'epf', 'upf', 'qkpf', 'pqkpf_regrouped', 'reference')
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run what is asked for, print tables in Markdown, write JSON and the figure."""
+    """Run the chosen experiments, print tables in Markdown, write JSON and the figures."""
     arguments = _arguments(argv)
     models: dict[str, StateSpaceModel] = {
         'ung': UnivariateNonstationaryGrowth(), 'vandermerwe': VanDerMerweModel()}
@@ -71,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def demonstration(runs: Runs) -> dict[str, dict[str, Any]]:
-    """Run PF, EPF and UPF with the demonstration's beliefs, with and without its floor."""
+    """Run PF, EPF and UPF with the demonstration's model, with and without its floor."""
     entries: dict[str, dict[str, Any]] = {}
     for label, inflation in (('pf', 1.0), ('epf', 10.0), ('upf', 2.0)):
         make = filters('kept')[label]
@@ -85,7 +85,7 @@ def demonstration(runs: Runs) -> dict[str, dict[str, Any]]:
 
 
 def sweep(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Run UNG over noise levels, and van der Merwe's model over readings of its print."""
+    """Run UNG over noise levels, and van der Merwe's model with both readings of Gamma(3, 2)."""
     settings: dict[str, tuple[StateSpaceModel, float, int]] = {
         f'ung q={q:g} r={r:g}': (UnivariateNonstationaryGrowth(q, r), STARTS['ung'], PARTICLES)
         for q in VARIANCES for r in VARIANCES}
@@ -206,7 +206,7 @@ def _figure(path: Path, name: str, runs: Runs, errors: dict[str, Array]) -> None
     import matplotlib
     matplotlib.use('Agg')
     from matplotlib import pyplot
-    # UPF and QKPF lie on one another: a broken line shows both.
+    # UPF and QKPF coincide: a dashed line shows both.
     drawn = {'pf': '-', 'epf': '-', 'upf': '-', 'qkpf': '--', 'pqkpf_regrouped': '-'}
     figure, (above, below) = pyplot.subplots(2, 1, figsize=(9, 7), sharex=True)
     times = np.arange(1, STEPS + 1)

@@ -1,7 +1,7 @@
 """
 What the filter's velocity is worth, against two boxes' difference and against staying.
 
-`python benchmarks/velocity.py` follows the targets of the shared sequences and of the scenes, and
+`python benchmarks/velocity.py` tracks the targets of the shared sequences and of the scenes, and
 writes docs/results/velocity.md.
 """
 
@@ -26,10 +26,11 @@ from vtrack_ros.session.motion_filter import MotionFilter
 from vtrack_ros.trackers import create_tracker
 
 ROOT = Path(__file__).resolve().parents[1]
-#: The videos don't say at which rate they were taken.
+#: Assumed frame rate, [Hz]: the videos don't state theirs.
 RATE = 30
-#: The true velocity is the slope of a straight line through so many frames on either side.
+#: Number of frames on either side in the line fit whose slope is the true velocity.
 WINDOW = 2
+#: Horizons of the forecast, [frames].
 AHEAD = (1, 2, 3)
 FILMS = {**HALVES, 'scenes': 'rendered scenes'}
 
@@ -37,12 +38,12 @@ FILMS = {**HALVES, 'scenes': 'rendered scenes'}
 @dataclass(frozen=True)
 class Record:
     """
-    Errors of a run where it's on the target, in mean sides of it: mean squares and shares.
+    Mean squared errors and coverage of a run, over `frames` frames on the target, in mean sides.
 
-    `velocity` is by what says it, [sides^2/s^2], and so is `growth`, the rate of the height as a
-    share of it, [1/s^2]; `inside` is the share of true velocities in the 90 % ellipse,
-    `growth_inside` of true rates in the 90 % interval. `forecast` and `hold` are of the centre so
-    many frames ahead, [sides^2], `inside_ahead` the share of true centres in the 90 % ellipse.
+    `velocity` is source -> error, [sides^2/s^2]; `growth` is that of the rate of the height as a
+    share of the height, [1/s^2]. `inside` is the share of true velocities in the 90 % ellipse,
+    `growth_inside` that of true rates in the 90 % interval. `forecast` and `hold` are frames ahead
+    -> error of the centre, [sides^2], `inside_ahead` is the share of true centres in the ellipse.
     """
 
     half: str
@@ -67,7 +68,7 @@ def slopes(values: Array) -> Array:
 
 
 def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) -> Record | None:
-    """Follow a target; None where too few frames were tracked to say anything."""
+    """Track a target; None if fewer than 10 frames count."""
     truth = sequence.truth[:frames]
     count = len(truth)
     boxes, velocity = np.empty((count, 4)), np.full((count, 2), np.nan)
@@ -97,7 +98,7 @@ def follow(tracker: str, seed: int, half: str, sequence: Sequence, frames: int) 
     true_rate, height = slopes(truth[:, 3:]), truth[:, 3]
     centers = boxes[:, :2] + boxes[:, 2:] / 2
     good = measured & on_target(overlaps(boxes, truth)) & np.isfinite(true[:, 0])
-    # the frames in which the filter settles count, but a difference needs two boxes
+    # the filter's warm-up counts, but a difference needs two measured boxes
     good[1:] &= measured[:-1]
     good[0] = False
     if good.sum() < 10:
@@ -141,7 +142,7 @@ def root(values: list[float]) -> str:
 
 def velocity_rows(records: list[Record]) -> list[list[str]]:
     """Return a row for each half of the videos."""
-    rows = [['', 'targets', 'frames', 'filter', 'two boxes', 'zero', 'nearer than two boxes',
+    rows = [['', 'targets', 'frames', 'filter', 'two boxes', 'zero', 'better than two boxes',
              'in the 90 % ellipse']]
     for half, title in FILMS.items():
         runs = [one for one in records if one.half == half]
@@ -165,7 +166,7 @@ def growth_rows(records: list[Record]) -> list[list[str]]:
 
 def forecast_rows(records: list[Record]) -> list[list[str]]:
     """Return a row for each half of the videos and number of frames."""
-    rows = [['', 'frames ahead', 'forecast', 'hold', 'nearer than hold', 'in the 90 % ellipse']]
+    rows = [['', 'frames ahead', 'forecast', 'hold', 'better than hold', 'in the 90 % ellipse']]
     for half, title in FILMS.items():
         runs = [one for one in records if one.half == half]
         for step in AHEAD:
@@ -195,32 +196,32 @@ def main() -> None:
 
 The first {arguments.frames} frames of {len(records)} targets, `{arguments.tracker}`, seed
 {arguments.seed}, {RATE} frames/s assumed; `python benchmarks/velocity.py` writes this page. Only
-frames count in which the target was measured, there and in the frame before, and the box was on
-it. All is in the target's mean sides; errors are roots of the mean squares, each target weighing
-the same.
+frames count in which the box is on the target, and in which it was measured, as in the frame
+before. The unit of length is the target's mean side. Errors are root mean squares; all targets
+have the same weight.
 
 ## Velocity
 
-In sides/s. The true one is the slope of a straight line through the true centres of
-{2 * WINDOW + 1} frames, two of them later; annotations by hand jitter too. Compared are the filter
-(topic `twist`), the difference of the two latest boxes, and no motion at all.
+In sides/s. The true velocity is the slope of a straight line through the true centres of
+{2 * WINDOW + 1} frames, two of them later; it has errors, as annotations by hand jitter. Compared
+are the filter (topic `twist`), the difference of the two latest boxes, and no motion (*zero*).
 
 {markdown(velocity_rows(records))}
 
 ## Growth
 
-The rate of the height as a share of the height, in 1/s, as the velocity along z has it with
-`target_height`. (The true width of a walker is that of the stride, which no tracker follows.)
+The rate of the height as a share of the height, in 1/s, which gives the velocity along z with
+`target_height`. (A walker's true width changes with the stride, which no tracker follows.)
 
 {markdown(growth_rows(records))}
 
-It is better than the difference of two boxes, but on videos like these zero is no worse, and the
-interval is too narrow where targets change their shape: trackers keep the aspect of the first box.
+The filter is better than the difference of two boxes, but on videos like these zero is no worse.
+The interval is too narrow for targets that change shape, as trackers keep the first box's aspect.
 
 ## Where the target is some frames later
 
-In sides, from the true centre: the box of the frame moved on by the filter, as with
-`predict_to_now`, and the box of the frame as it is (hold).
+Distance from the true centre, in sides: of the box moved on by the filter, as with
+`predict_to_now` (*forecast*), and of the unmoved box (*hold*).
 
 {markdown(forecast_rows(records))}
 """

@@ -1,9 +1,9 @@
 """
-Runs the commands of docs/start.md as they stand there, in one shell, in an empty folder.
+Run the commands of docs/start.md as printed there, in order, in an empty folder.
 
-`python benchmarks/walkthrough.py [FOLDER]`: the part without ROS, after the set-up; where the page
-is to be opened, this program draws the box. Ends with 0 if there was a tracked video, a tracked
-live topic, a target chosen on the page, and a report.
+`python benchmarks/walkthrough.py [FOLDER]` runs the part without ROS, after the set-up; where the
+reader opens the page, this program draws the box. The exit code is 0 if there was a tracked video,
+a tracked live topic, a target chosen on the page, and a report.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def blocks() -> list[str]:
 
 
 async def choose(address: str, folder: Path) -> str:
-    """Draw a box about the target on the page, and return the state when there is a box."""
+    """Draw a box about the target on the page; return `tracking` as soon as it's tracked."""
     with BagReader(folder / 'my_bag') as bag:
         truth = bag.truth()
     async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as session, \

@@ -2,8 +2,8 @@
 Latency of the node while its page is watched, and while it isn't.
 
 `python benchmarks/watched.py [--seconds S]` writes docs/results/watched.md: VGA in colour at 30
-Hz, the page's server running all the time, a viewer there in turns that takes every picture at
-once. A real browser also draws, on whatever machine it runs on. Run it while nothing else runs.
+Hz. The page's server always runs; in turns there is no viewer, or one that takes every picture at
+once. A real browser also draws it, wherever that runs. Run this on an otherwise idle machine.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from vtrack_ros.dds import reserve_domain, with_profile
 
 ROOT = Path(__file__).resolve().parents[1]
 RATE = 30
-#: What is measured in turn, so often.
+#: Cases that are measured in turns, and number of blocks of each.
 CASES, BLOCKS = ('not watched', 'watched', 'watched with particles'), 4
 
 
 async def view(address: str, particles: bool) -> None:
-    """Take pictures from a page until SIGTERM; say how many they were."""
+    """Take pictures from a page until SIGTERM; print their number."""
     count, stop = 0, asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, stop.set)
 
@@ -59,7 +59,7 @@ async def view(address: str, particles: bool) -> None:
 
 @contextmanager
 def viewer(address: str, case: str) -> Iterator[list[int]]:
-    """Have a page watched, or not; the list has the number of pictures at the end."""
+    """Watch a page, or not; at the end the list gets the number of pictures."""
     taken: list[int] = []
     if case == CASES[0]:
         yield taken
@@ -99,7 +99,7 @@ def measure(seconds: float) -> dict[str, dict[str, float]]:
         for block in range(-1, BLOCKS):
             for case in CASES:
                 with viewer(address, case) as taken:
-                    # The viewer has to load, and its pictures to come.
+                    # The first stretch is the viewer's warm-up; its latency isn't counted.
                     for count in (3 * RATE, int(seconds * RATE / BLOCKS)):
                         began.clear()
                         latency.clear()
@@ -130,8 +130,8 @@ def write(figures: dict[str, dict[str, float]], load: float) -> None:
         '# Latency while the page is watched', '',
         f'`benchmarks/watched.py`, `gmpf`, VGA in colour at {RATE} Hz, {date.today()}, '
         f'{os.cpu_count()} cores, {platform.machine()}; load average at the start {load:.1f}. '
-        "Node, publisher, the page's server and a viewer that takes every picture at once, all on "
-        'this machine, in turns. A picture goes out again when the state beside it is newer.', '',
+        "Node, publisher, the page's server and a viewer that takes every picture at once all run "
+        'on this machine; cases in turns. A picture is sent again with each newer state.', '',
         '| | image to pose p50, ms | p99 | answered | CPU of the node | pictures a second |',
         '| --- | ---: | ---: | ---: | ---: | ---: |']
     lines += [

@@ -1,1 +1,1 @@
-"""Faults by topic: each is run on a running node, and returns what it made of them."""
+"""Faults by topic: each function applies one to a running node, and returns the figures."""

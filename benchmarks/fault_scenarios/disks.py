@@ -1,4 +1,4 @@
-"""Disks that are full."""
+"""Faults of full disks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def _without_disk() -> None:
-    """Let this process write no file of more than 100 bytes; the error is as on a full disk."""
+    """Limit this process to files of 100 bytes: writing fails as on a full disk."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
@@ -32,7 +32,7 @@ def state_file(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
         process = subprocess.Popen(
             [sys.executable, *tracker_arguments(
                 'ours', 'gmpf', sender.box, '-p', f'state_file:={path}')],
-            # Its log, which goes to a terminal or a pipe, has no such limit.
+            # The limit doesn't apply to its log, which goes to a terminal or a pipe.
             stderr=subprocess.PIPE, env=with_profile(os.environ), preexec_fn=_without_disk)
         sender.bench.until(sender.publisher.get_subscription_count, 'no node was found')
         show_target(sender)

@@ -1,4 +1,4 @@
-"""More than usual, less than usual, and others than usual: images, and clients."""
+"""Faults of load: unusual, missing and too many images, and clients of the parameters."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def half_lost(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
 
 
 def flood(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
-    """Send tiny images as fast as 1,000 a second."""
+    """Send tiny images at up to 1,000 Hz."""
     tiny = Image(width=16, height=16, encoding='bgr8', step=48, data=bytes(768))
     with tracking_node(sender) as process:
         before, due = rss_mb(process.pid), time.perf_counter()
@@ -51,7 +51,7 @@ def flood(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
             sender.bench.executor.spin_once(timeout_sec=0)
         took = time.perf_counter() - due + seconds
         sender.index += round(seconds * RATE) + 1
-        # A selection counts on the next image: not on one of the flood's last.
+        # A selection is for the next image, which mustn't be one of the flood's last.
         sender.bench.rest(1.0)
         sender.select()
         return sender.row([sender.recovery()], rate_hz=1000 * seconds / took,
@@ -76,7 +76,7 @@ def huge(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
 
 
 def storm(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
-    """Let four clients set parameters, right ones and wrong ones, as fast as they're answered."""
+    """Let four clients set valid and invalid parameters, as fast as they're answered."""
     done = threading.Event()
     counts = {'set': 0, 'refused': 0}
 

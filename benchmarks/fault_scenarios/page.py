@@ -1,4 +1,4 @@
-"""The page of what was measured of faults, and in time."""
+"""The page of reliability: results of the faults and of the soak."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ _KNOWN = ('sent', 'answered', 'right', 'wrong', 'foreign', 'recovered_s', 'secon
 _FAULTS = """\
 # Reliability
 
-Written by `benchmarks/faults.py` and `benchmarks/soak.py` of what they measured: `gmpf`, VGA in
-colour, over Fast DDS with the profile. One run on a shared machine of two cores: the times are
-those of a busy one.
+Written by `benchmarks/faults.py` and `benchmarks/soak.py`: `gmpf`, VGA in colour, over Fast DDS
+with the profile. One run on a shared machine with two cores, so the times are those of a busy
+machine.
 
 ## Faults
 
-At 30 Hz. *Sent* and *answered* are images, those of the recovery included; *right* boxes overlap
-the target by more than a half, *wrong* ones less, and a pose beside the target is wrong too;
-*foreign* is what had another header than that of an image that was sent. *Back after* is the time
-from the first good image after the fault to the first right box: the median, and the longest.
+At 30 Hz. *Sent* and *answered* are numbers of images, those of the recovery included. *Right*
+boxes have an overlap (IoU) with the target above 0.5; *wrong* are other boxes, and poses beside
+the target. *Foreign* are answers whose header isn't that of an image that was sent. *Back after*
+is the time from the first good image after the fault to the first right box: median and maximum.
 
-| fault | sent | answered | right | wrong | foreign | back after | besides |
+| fault | sent | answered | right | wrong | foreign | back after | other figures |
 | --- | ---: | ---: | ---: | ---: | ---: | --- | --- |"""
 _NOTES = """
-- Nothing ended the node.
-- What isn't answered was late, or was replaced by a newer image while another was worked on: a
-  frame that comes twice at once, the flood, the parameter calls, which the same thread serves.
-- The publisher's time is from its first image on, the node's from its death, the start of Python
-  and ROS included. No target was pointed out again after either.
-- A restarted node learns the target as it was selected. While it learned what was seen last, runs
-  of 30 and 100 kills lost the target for good and said TRACKING, and another one of 100 did not.
-  Once in 100 nothing came within 15 s, beside five busy processes on two cores; the next start
-  found the target. In two other runs, of 70 and of 100, each did.
-- Another size of the images gives the target up, as documented, and so does a clock that is set
-  back: for those rows it was pointed out again, and the time counts from there. After an 8K image
-  (99.5 MB) the process stays larger by about one."""
+- No fault ended the node.
+- Images without an answer were late, or were replaced by a newer one while the node was busy: when
+  a frame comes twice, in the flood, and during parameter calls, which the same thread serves.
+- A killed publisher's time counts from the first image of the next one; a killed node's from its
+  end, and includes the start of Python and ROS. The target wasn't selected again in either case.
+- A restarted node learns the target as it was selected. A former version learned it as last seen:
+  runs of 30 and 100 kills lost the target for good and reported TRACKING; another one of 100 did
+  not. Once in 100 there was no answer within 15 s, beside five busy processes on two cores; the
+  next start found the target. In two other runs, of 70 and of 100 kills, every start found it.
+- When the image size changes, the node drops the target, as documented, and also when a clock is
+  set back: in those rows it was selected again, and the time counts from there. After an 8K image
+  (99.5 MB) the process stays larger by about the size of one."""
 
 
 def page(folder: Path) -> str:
-    """Return the page of the figures that are in the folder."""
+    """Return the page with the figures of the result files in a folder."""
     lines = [_FAULTS]
     for name, one in _read(folder, 'faults').get('faults', {}).items():
         back = _back(one['recovered_s'])
@@ -58,7 +58,7 @@ def page(folder: Path) -> str:
 
 
 def _back(recovered: list[float | None]) -> str:
-    """Return the median and the longest time, and how often there was one, if not always."""
+    """Return median and maximum of the times, and how often it recovered, if not always."""
     times = [time for time in recovered if time is not None]
     if not times:
         return 'never' if recovered else ''
@@ -68,15 +68,15 @@ def _back(recovered: list[float | None]) -> str:
 
 def _soak(soak: dict[str, Any]) -> list[str]:
     rows = soak['minutes']
-    # A minute is like the first one where the host took no more of it.
+    # The last minute with at most the first one's steal time.
     like = max(index for index, row in enumerate(rows) if row['stolen'] <= rows[0]['stolen'])
     shown = sorted({0, like, len(rows) - 1})
     sent, answered = (sum(row[key] for row in rows) for key in ('sent', 'answered'))
     lines = ['', '## Soak', '',
              f'{len(rows)} minutes at {soak["rate_hz"]:g} Hz, {soak["date"]}: {answered} of '
-             f'{sent} images answered, the others replaced by newer ones while',
-             'the processor was taken. *Stolen* is the share of the machine that its host gave to',
-             'others; the last minute of which it took no more than of the first is shown too.',
+             f'{sent} images answered, the others replaced by newer ones while the',
+             'processor was busy. *Stolen* is the share of processor time that the host gave to',
+             'others; the last minute with no more of it than in the first is shown too.',
              '', f'| | {" | ".join(f"minute {index + 1}" for index in shown)} | wanted |',
              f'| --- | {" | ".join(["---:"] * len(shown))} | --- |']
     for name, key, wanted in (
@@ -92,7 +92,7 @@ def _soak(soak: dict[str, Any]) -> list[str]:
             ('stolen', 'stolen', '')):
         figures = ' | '.join(f'{rows[index][key]:.4g}' for index in shown)
         lines.append(f'| {name} | {figures} | {wanted} |')
-    # What whoever ran it has to say of that day.
+    # A note on the conditions, by the person who ran it.
     lines += ['', *textwrap.wrap(soak['note'], 99)] if 'note' in soak else []
     return lines
 

@@ -1,4 +1,4 @@
-"""Processes that are killed, and started again."""
+"""Faults of processes: they are killed, and started again."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def publisher_killed(sender: Sender, seconds: float, kills: int) -> dict[str, An
             sender.bench.rest(0.5)
             process.kill()
             process.wait()
-            # Its last answers are none to the next one's images.
+            # Late answers to its images mustn't count as answers to the next one's.
             sender.bench.rest(0.3)
     return sender.row(times, kills=kills)
 
@@ -56,7 +56,7 @@ def send_as_camera() -> None:
 
 
 def node_killed(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
-    """Kill the node, and start it again as a supervisor would, while images go on."""
+    """Kill the node, and start it again as a supervisor would, while images keep coming."""
     times = []
     with tempfile.TemporaryDirectory() as folder:
         arguments = tracker_arguments('ours', 'gmpf', sender.box, '-p',

@@ -1,4 +1,4 @@
-"""Who sends images of a target to a node, and judges what the node answers."""
+"""A sender of images of a target to a node, which also judges the node's answers."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from vtrack_ros.geometry import Box
 WIDTH, HEIGHT, RATE = 640, 480, 30
 PERIOD = 10**9 // RATE
 FRAME_ID = 'camera'
-#: How long anything may take to come back, in seconds, before it counts as lost for good.
+#: Time-out of a recovery, [s]: after it the target counts as lost for good.
 PATIENCE = 15.0
 
 
 def truth(index: int) -> Box:
-    """Return the target's box in the image of a number."""
+    """Return the target's box in the image with this number."""
     x = WIDTH // 3 + 4 * (WAY // 2 - abs(index % WAY - WAY // 2))
     return Box(x, HEIGHT // 3, SIDE, SIDE)
 
 
 class Sender:
-    """Sends images to the node `ours`, and hears its boxes and poses."""
+    """Send images to the node `ours`, and receive its boxes and poses."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -44,12 +44,12 @@ class Sender:
         self.index = 10_000 // WAY * WAY
         self.stamped = True
         self._numbers: dict[int, int] = {}
-        #: Whether another process sends the images, whose stamps are the numbers' times.
+        #: Whether another process sends the images; their stamps are multiples of `PERIOD`.
         self.elsewhere = False
         self.clear()
 
     def clear(self) -> None:
-        """Begin to count anew."""
+        """Reset the counts."""
         self.sent = self.answers = self.right = self.wrong = self.foreign = 0
         self.last_right = 0.0
 
@@ -65,7 +65,7 @@ class Sender:
         self.sent += 1
 
     def stream(self, seconds: float, send: Callable[[int], None] | None = None) -> None:
-        """Send images in pace; `send` sends that of a number otherwise."""
+        """Send images at `RATE`; `send(number)`, if given, sends each instead of `self.send`."""
         due = time.perf_counter()
         for number in range(round(seconds * RATE)):
             self.index += 1
@@ -75,14 +75,14 @@ class Sender:
         self.bench.rest(0.2)
 
     def recovery(self) -> float:
-        """Send images until the target is tracked; return how long that took, or infinity."""
+        """Send images until the target is tracked; return the time that took, [s], or infinity."""
         began, self.last_right = time.perf_counter(), 0.0
         while not self.last_right and time.perf_counter() - began < PATIENCE:
             self.stream(1 / RATE)
         return self.last_right - began if self.last_right else float('inf')
 
     def select(self) -> None:
-        """Point the target out."""
+        """Select the target, for the next image."""
         box = truth(self.index + 1)
         self.selection.publish(RegionOfInterest(
             x_offset=int(box.x), y_offset=int(box.y), width=SIDE, height=SIDE))
@@ -95,7 +95,7 @@ class Sender:
                 'recovered_s': recovered, **more}
 
     def _known(self, header: Any) -> int:
-        """Return an answer's stamp; count it if it isn't that of an image."""
+        """Return an answer's stamp, [ns]; count it as foreign if no image had its header."""
         stamp = int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
         sent = stamp % PERIOD == 0 if self.elsewhere else stamp in self._numbers
         self.foreign += not sent or header.frame_id != FRAME_ID
@@ -104,7 +104,7 @@ class Sender:
     def _on_pose(self, message: Any) -> None:
         x = message.pose.position.x
         number = self._numbers.get(stamp := self._known(message.header), round(stamp / PERIOD))
-        # A pose beside the target is one of what wasn't seen.
+        # A pose beside the target is wrong: nothing was visible there.
         self.wrong += abs(x - truth(number).center[0]) > SIDE / 2
 
     def _on_detections(self, message: Any) -> None:
@@ -132,7 +132,7 @@ def tracking_node(sender: Sender, *more: str) -> Iterator[subprocess.Popen[bytes
 
 
 def show_target(sender: Sender) -> None:
-    """Send the image that `init_box` is for, until it's answered."""
+    """Send the image that `init_box` is for, until the node finds the target."""
     sender.clear()
     while not sender.right:
         sender.index = (sender.index // WAY + 1) * WAY

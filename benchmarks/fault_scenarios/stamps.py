@@ -1,4 +1,4 @@
-"""Stamps that lie, clocks that jump, bags that loop."""
+"""Faults of time: wrong stamps, clocks that jump, bags that loop."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ HOUR = 3600 * 10**9
 
 
 def sent_with(stamps: Callable[[int, int], list[int]]) -> Callable[..., dict[str, Any]]:
-    """Return a fault of stamps: `stamps` gives those that an image is sent with."""
+    """Return a fault: `stamps(number, true stamp)` are those that an image is sent with."""
     def run(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
         with tracking_node(sender):
             def send(number: int) -> None:
                 for one in stamps(number, sender.index * PERIOD):
                     sender.send(one)
             sender.stream(seconds, send)
-            # A clock that was set right again, after whatever it said.
+            # From here on the stamps are right again.
             return sender.row([sender.recovery()])
     return run
 
@@ -34,7 +34,7 @@ def unstamped(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
 
 
 def bag_loops(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
-    """Send the same two seconds again and again; `init_box` counts in each of them."""
+    """Send the same two seconds again and again; `init_box` applies in each loop."""
     length = 2 * RATE // WAY * WAY
     first, times = sender.index, []
     with child(*tracker_arguments('ours', 'gmpf', sender.box)):
@@ -48,10 +48,10 @@ def bag_loops(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
 
 def clock_jumps(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
     """
-    Let a simulation's clock jump an hour ahead, and back, while the images go on.
+    Let a simulation's clock jump an hour ahead, and back, while images keep coming.
 
-    The stamps go on first, as from a camera with a clock of its own; then they follow the clock.
-    Once that was set back, the target must be pointed out again.
+    At first the stamps don't jump, as those of a camera with a clock of its own; then they follow
+    the clock. After that was set back, the target has to be selected again.
     """
     clock = sender.bench.node.create_publisher(Clock, '/clock', 10)
 
@@ -70,7 +70,7 @@ def clock_jumps(sender: Sender, seconds: float, kills: int) -> dict[str, Any]:
         for jump in (HOUR, -HOUR):
             sender.index += jump // PERIOD // WAY * WAY
             if jump < 0:
-                # Until it's believed that this is no late frame.
+                # Until the node accepts that these aren't late frames.
                 sender.stream(0.5)
                 sender.select()
             tick(0)

@@ -1,1 +1,1 @@
-"""What reads data of other people's making, each as a function of bytes."""
+"""The readers of external data, each as a function of bytes."""

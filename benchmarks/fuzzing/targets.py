@@ -1,8 +1,8 @@
 """
-Functions that take any bytes, as a peer or a file might hold them, and must refuse or be right.
+Functions of arbitrary bytes, as from a peer or a file, which must read or refuse them.
 
-A refusal is a ValueError; all else that is raised is a finding, as is a frame that is none.
-Messages come as CDR, as they're in a bag; a node has them from ROS itself.
+A refusal is a ValueError. Any other exception is a finding, and so is an invalid frame. Messages
+are given as CDR, as in a bag; a node gets them from ROS itself.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ from vtrack_ros.ros.parameter_node import checked_init_box, parameter_table
 from vtrack_ros.session.saved_target import MARK, SavedTarget
 from vtrack_ros.session.session import TrackingSession
 
-#: What rosbags raises of a message that is cut short or has no such text, as a bag reader has it.
+#: What rosbags raises for a truncated message or an invalid text, as in the bag reader.
 _NO_MESSAGE = (ValueError, IndexError, AssertionError, OverflowError, MemoryError, TypeError)
-#: Larger frames than this are not made from so few bytes.
+#: Upper bound of the size of a frame that is made from so few bytes.
 _LARGEST = 1 << 22
 
-#: Files are written in memory, where there is such a folder: there are thousands a second.
+#: Folder of the temporary files, in memory if possible: thousands are written a second.
 _MEMORY = '/dev/shm' if Path('/dev/shm').is_dir() else None
 _GROUND = np.random.default_rng(0).integers(0, 256, (60, 80, 3), np.uint8)
 
 
 @contextmanager
 def _folder() -> Iterator[Path]:
-    """Make a folder for as long as it's needed."""
+    """Make a temporary folder until the block ends."""
     with tempfile.TemporaryDirectory(prefix='fuzzing-', dir=_MEMORY) as folder:
         yield Path(folder)
 
 
 def _message(data: bytes, kind: str) -> Any:
-    """Return the message that CDR spells; ValueError if it spells none."""
+    """Return the message that the CDR data contain; ValueError if they contain none."""
     try:
         return messages.typestore().deserialize_cdr(data, kind)
     except _NO_MESSAGE as error:
@@ -78,7 +78,7 @@ def compressed_image(data: bytes) -> None:
 
 
 def camera_info(data: bytes) -> None:
-    """Read a CameraInfo, and find places with it."""
+    """Read a CameraInfo, and locate boxes with it."""
     camera = camera_from_info(_message(data, 'sensor_msgs/msg/CameraInfo'))
     for units, width in (('ray', 0.0), ('metres', 0.2)):
         for x in (-10.0, 300.0):
@@ -88,7 +88,7 @@ def camera_info(data: bytes) -> None:
 
 
 def selection(data: bytes) -> None:
-    """Read what points out a target, by the first byte, and put it on a frame."""
+    """Read a selection, whose kind is the first byte, and apply it to a frame."""
     kind, data = data[:1], data[1:]
     found: Any
     if kind < b'\x40':
@@ -126,7 +126,7 @@ _SESSION = TrackingSession('dcf', 0)
 
 
 def parameters(data: bytes) -> None:
-    """Set parameters to whatever JSON spells, as ROS and a command line do."""
+    """Set parameters to any JSON value, as ROS and a command line do."""
     try:
         value = json.loads(data[1:])
     except (RecursionError, ValueError):
@@ -145,7 +145,7 @@ def parameters(data: bytes) -> None:
                 try:
                     _SESSION.change(parameters={owner: {name: value}})
                 except ValueError:
-                    # Right alone, but not with the others.
+                    # Valid alone, but not with the others.
                     pass
 
 
@@ -199,7 +199,7 @@ TARGETS: dict[str, Callable[[bytes], None]] = {one.__name__: one for one in (
 
 
 def refused_or_right(name: str, data: bytes) -> None:
-    """Give data to a target; whatever it raises but a ValueError is a finding."""
+    """Give data to a target; any exception but a ValueError is a finding."""
     try:
         TARGETS[name](data)
     except ValueError:

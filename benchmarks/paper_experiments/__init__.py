@@ -1,1 +1,1 @@
-"""The four papers' claims, one module for each, and what they have in common."""
+"""The four papers' claims, one module for each, and what they share."""

@@ -20,7 +20,7 @@ _STYLE = {'svg.hashsalt': 'vtrack', 'svg.fonttype': 'none', 'font.size': 9,
 
 def sweep(path: Path, panels: Mapping[str, Mapping[str, Points]], x_label: str, y_label: str,
           order: Sequence[str]) -> None:
-    """Draw lines with bars of standard errors on logarithmic axes; colours are by the order."""
+    """Draw lines with standard errors on logarithmic axes; `order` of labels gives colours."""
     with rc_context(_STYLE):
         figure, all_axes = _figure(len(panels), 2.9)
         for axes, (title, lines) in zip(all_axes, panels.items()):
@@ -47,7 +47,7 @@ def sweep(path: Path, panels: Mapping[str, Mapping[str, Points]], x_label: str, 
 
 def by_frame(path: Path, panels: Mapping[str, Mapping[str, Sequence[Sequence[float | None]]]],
              y_label: str, shaded: tuple[float, float] | None = None) -> None:
-    """Draw what there is for each frame; panels by title, a range of frames shaded."""
+    """Draw values by frame; panels are title -> lines, a range of frames is shaded."""
     with rc_context(_STYLE):
         figure, all_axes = _figure(len(panels), 3.4)
         for axes, (title, lines) in zip(all_axes, panels.items()):

@@ -22,19 +22,19 @@ from vtrack_ros.scenes import render, scene_info, SceneFrame
 from vtrack_ros.scenes.catalogue import story_times
 from vtrack_ros.scenes.stage import film, Light, View
 
-#: A frame, the target's box where it's in sight (else NaN), and its box hidden or not.
+#: (frame, target's box or NaN if it's hidden, target's box even if it's hidden).
 Shot = tuple[Frame, Array, Array]
-#: Specifications as `vtrack evaluate` takes them, by the name in the table.
+#: Name in the table -> specification as for `vtrack evaluate`.
 Trackers = dict[str, str]
 _ABSENT = np.full(4, np.nan)
 
 
 class Film:
     """
-    A film with exact truth, whose frames are made or read when they are first asked for.
+    A film with exact ground truth; frames that are on disk are read when they are first needed.
 
-    `truth` and `outline`, shape (n, 4), are boxes (x, y, width, height) in px: the outline also
-    has the target where it's hidden.
+    `truth` and `outline`, shape (n, 4), are boxes (x, y, width, height) in px: the truth is NaN
+    where the target is hidden, the outline isn't.
     """
 
     def __init__(self, name: str, key: str, shots: Callable[[], Iterable[Shot]],
@@ -81,7 +81,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A run and the film that it's of."""
+    """A run, and the film that it was on."""
 
     film: Film
     run: Run
@@ -89,7 +89,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Laboratory:
-    """Where films and runs come from: the number of runs, and where they are kept, if they are."""
+    """The source of films and runs: number of runs, folder of the sequences, and caches."""
 
     seeds: int
     sequences: Path
@@ -98,7 +98,7 @@ class Laboratory:
 
     def films(self, scene: str, count: int, frames: int | None = None, grey: bool = False,
               light: float | None = None) -> Iterator[Film]:
-        """Render a scene with so many seeds of its own; `light` is what `light_step` falls to."""
+        """Render a scene with `count` seeds; `light` is the factor that `light_step` falls to."""
         folder = None if self.cache is None else self.cache / 'films'
         for seed in range(min(count, self.seeds)):
             key = f'{scene} {seed} {frames} {light} {_scene_source()}'
@@ -116,7 +116,7 @@ class Laboratory:
 
     def measure(self, films: Iterable[Film], count: int,
                 trackers: Trackers) -> dict[str, list[Outcome]]:
-        """Run k is tracker seed k on film k modulo their count; name -> runs in that order."""
+        """Return name -> runs; run k is tracker seed k on film k modulo the number of films."""
         found: dict[str, dict[int, Outcome]] = {label: {} for label in trackers}
         for number, one in enumerate(films):
             for label, text in trackers.items():
@@ -152,7 +152,7 @@ def _greyed(colour: Film) -> Iterator[Shot]:
 
 
 def _lit(name: str, seed: int, level: float) -> Iterator[SceneFrame]:
-    """Render a scene whose light falls to a level in frames 55 to 58, all colours alike."""
+    """Render a scene whose light falls to a level in frames 55 to 58, in all colours alike."""
     info = scene_info(name)
     building, sensor = np.random.default_rng([seed, zlib.crc32(name.encode())]).spawn(2)
     scene = info.make(View(info.width, info.height, info.width, info.height), building)

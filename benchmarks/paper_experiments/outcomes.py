@@ -1,4 +1,4 @@
-"""Figures of runs, intervals of what two trackers differ by, and the verdict that they allow."""
+"""Figures of runs, intervals of the difference of two trackers, and verdicts on claims."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vtrack_ros.frame import Array
 
 #: Figures of one tracker by name, each with a value for each run.
 Figures = dict[str, Array]
-#: A run has finished when it's on the target, on average, in this many last frames.
+#: A run has finished if its mean overlap in the last frames exceeds a threshold.
 LAST_FRAMES, LAST_OVERLAP = 10, 0.3
 #: Fewer runs than this allow no verdict.
 FEWEST = 5
@@ -51,10 +51,10 @@ class Interval:
 @dataclass
 class Experiment:
     """
-    What a paper's experiments gave.
+    The results of a paper's experiments.
 
     `tables` is title -> name in the table -> figure -> value; a claim is [what the paper says,
-    what was measured, verdict]; `curves` is chart -> what it's drawn from.
+    what was measured, verdict]; `curves` is chart -> its data.
     """
 
     tables: dict[str, dict[str, dict[str, float | None]]] = field(default_factory=dict)
@@ -81,14 +81,14 @@ def collected(rows: Sequence[Mapping[str, float]]) -> Figures:
 
 
 def errors(outcome: Outcome, frames: slice | Array = np.s_[:], hidden: bool = False) -> Array:
-    """Return the distances of the centres in some frames, NaN where it's hidden, unless asked."""
+    """Return the centre errors in some frames; where it's hidden NaN, unless `hidden` is set."""
     truth = outcome.film.outline if hidden else outcome.film.truth
     result: Array = metrics.center_errors(outcome.run.boxes, truth)[frames]
     return result
 
 
 def on_target(outcome: Outcome, frames: slice) -> float:
-    """Return whether the box is on the target, on average, in some frames: 1 or 0."""
+    """Return 1 if the mean overlap in some frames exceeds `LAST_OVERLAP`, else 0."""
     overlap = metrics.overlaps(outcome.run.boxes, outcome.film.truth)[frames]
     return float(np.nanmean(overlap) > LAST_OVERLAP)
 
@@ -104,7 +104,7 @@ def difference(first: Array, second: Array) -> Interval:
 
 
 def share(values: Array) -> Interval:
-    """Return the mean of a figure over runs; Wilson's interval, for shares of 0 and 1 have one."""
+    """Return a share of runs with Wilson's interval, which shares of 0 and 1 have too."""
     count, mean, z2 = len(values), float(values.mean()), 1.96**2
     middle = (mean + z2 / (2 * count)) / (1 + z2 / count)
     half = 1.96 / (1 + z2 / count) * math.sqrt(
@@ -126,7 +126,7 @@ def resampled(statistic: Callable[[Any], float], count: int) -> list[float]:
 
 
 def both(*verdicts: str) -> str:
-    """Return the verdict on a claim that consists of several."""
+    """Return the verdict on a claim that consists of several claims."""
     return FAILS if FAILS in verdicts else OPEN if OPEN in verdicts else HOLDS
 
 

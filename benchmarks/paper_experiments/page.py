@@ -11,7 +11,7 @@ from paper_experiments import charts, zhu
 
 from vtrack_ros.evaluation.table import markdown
 
-#: Figure -> head of its column, and format.
+#: Figure -> (header of its column, format).
 COLUMNS = {
     'error': ('error, px', '.2f'), 'variance': ('variance, px²', '.1f'),
     'auc': ('mean AUC', '.3f'), 'size_error': ('size error', '.0%'),
@@ -20,8 +20,8 @@ COLUMNS = {
     'overlap': ('overlap while hidden', '.2f'), 'after': ('on it afterwards', '.0%'),
     'shown': ('error at the turns, px', '.1f'), 'early': ('error in frames 10-169, px', '.1f'),
     'error_on': ('error while on it, px', '.2f'), 'kept': ('frames on it', '.0%'),
-    'jerk': ('change of the error, px', '.2f'), 'frames': ('frames a run', '.1f'),
-    'hit_share': ('share of all that search', '.0%'), 'ms': ('ms', '.2f'), 'cei': ('CEI', '.3f')}
+    'jerk': ('change of the error, px', '.2f'), 'frames': ('frames per run', '.1f'),
+    'hit_share': ('share of search frames', '.0%'), 'ms': ('ms', '.2f'), 'cei': ('CEI', '.3f')}
 
 
 def claims(result: Mapping[str, Any]) -> str:
@@ -40,7 +40,7 @@ def tables(result: Mapping[str, Any]) -> str:
             rows.append([label, *(_cell(row, key) for key in keys)])
         parts.append(f'**{title}**\n\n{markdown(rows)}\n')
     facts = ', '.join(f'{key} {value}' for key, value in result['environment'].items())
-    return '\n'.join([*parts, f"{result['seeds']} runs, where a table says no other; {facts}.\n"])
+    return '\n'.join([*parts, f"{result['seeds']} runs, unless a table has others; {facts}.\n"])
 
 
 def filled(page: str, results: Mapping[str, Any]) -> str:
@@ -59,7 +59,7 @@ def filled(page: str, results: Mapping[str, Any]) -> str:
 
 
 def draw(results: Mapping[str, Any], folder: Path) -> None:
-    """Write the charts papers_NAME.svg of what there is."""
+    """Write the charts papers_NAME.svg of the results that there are."""
     curves = {name: result['curves'] for name, result in results.items()}
     for scene in ('face_fast', 'football'):
         if scene in curves.get('paper1', {}):

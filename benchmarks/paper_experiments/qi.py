@@ -15,7 +15,7 @@ _ALL = 'particles=100,kernel=epanechnikov'
 COLOUR, CUES = 'PF, colour', 'PF, both cues, eqs 16-19'
 LETTER, PRINTED = 'P-QKPF, eqs 16-19', 'P-QKPF as printed'
 OURS = 'P-QKPF, our reading'
-#: By name; the dynamics are added.
+#: Trackers by name; `run` adds the dynamics.
 TRACKERS: Trackers = {
     COLOUR: f'pf_paper:{_ALL}',
     CUES: f'pf_paper:cues=colour+motion_edge,fusion=normalised,{_ALL}',
@@ -23,12 +23,12 @@ TRACKERS: Trackers = {
     PRINTED: f'pqkpf_paper:as_printed=true,{_ALL}',
     OURS: f'pqkpf_paper:{_ALL}',
 }
-#: Frames after which it is settled who won; frames in which the face is turned.
+#: Frames after the occlusion, where its outcome is judged; frames in which the face is turned.
 _AFTER, _TURNED = np.s_[136:], np.s_[53:85]
 
 
 def run(laboratory: Laboratory) -> Experiment:
-    """Run both scenes with white acceleration, and the most telling trackers as random walks."""
+    """Run both scenes with white acceleration, and some of the trackers with a random walk."""
     result = Experiment()
     walk = {label: TRACKERS[label] + ',dynamics=random_walk'
             for label in (COLOUR, CUES, LETTER, PRINTED)}

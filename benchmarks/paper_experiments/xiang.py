@@ -7,11 +7,11 @@ from paper_experiments.films import Laboratory, Outcome, Trackers
 from paper_experiments.outcomes import (
     difference, errors, Experiment, figures, listed, mean_by_frame, on_target, OPEN, ratio, share)
 
-#: Films of each scene; the runs take them in turn.
+#: Films of the helicopter and of the car; the runs take them in turn.
 FILMS, CARS = 4, 1
 #: The helicopter turns to face the camera from here on: no affine map describes that.
 TURN = 430
-#: Frames in which the colour particle filter should drift.
+#: Number of first frames, in which the colour particle filter should drift.
 EARLY = 170
 DAVID_FRAMES = 430
 PRINTED, REMEMBERED = 'APPF, consecutive frames', 'APPF, remembered'
@@ -19,7 +19,7 @@ AFFINE, PPCA, COLOUR = 'affine PF', 'PPCA', 'colour PF'
 APPF: Trackers = {PRINTED: 'appf_paper:as_printed=true', REMEMBERED: 'appf_paper:'}
 TRACKERS: Trackers = {**APPF, AFFINE: 'affine_pf_paper:', PPCA: 'ppca_paper:'}
 _BEFORE, _AFTER = np.s_[240:278], np.s_[290:TURN]
-#: Where the paper shows the affine particle filter's box beside David's face.
+#: Frames in which the paper shows the affine particle filter's box off David's face.
 _SHOWN = np.r_[187:198, 377:388, 413:424]
 
 

@@ -16,7 +16,7 @@ from vtrack_ros.evaluation.runner import one_thread
 
 #: Films of each scene; the runs take them in turn.
 FILMS, LIT_FILMS = 2, 2
-#: What the light falls to; the paper gives no figure.
+#: Factors that the light falls to; the paper gives no figure.
 LEVELS = (0.75, 0.6, 0.5, 0.25)
 OURS, FEW, ABMS, PF = 'ABMSPF 20', 'ABMSPF 10', 'ABMS', 'PF 200'
 EQUAL = 'PF 200, 441 points'
@@ -28,7 +28,7 @@ TRACKERS: Trackers = {
 MENDED = {label: text for label, text in TRACKERS.items() if 'printed' not in label}
 #: Real videos from resting cameras with people who walk, in place of Walk1.
 WALKS = ('Crossing', 'Subway')
-#: After the step of light and before somebody comes; while and after he passes.
+#: Frames between the step of light and the occlusion; frames from the occlusion on.
 _DIM, _END = np.s_[62:80], np.s_[120:]
 _STAGES = ('track', 'ahead', 'near', 'everywhere', 'none')
 
@@ -84,7 +84,7 @@ def _light(laboratory: Laboratory, result: Experiment, level: float) -> None:
 
 
 def _hidden(result: Experiment, outcomes: dict[str, list[Outcome]]) -> None:
-    """Compare with where the target is while nobody sees it."""
+    """Compare with the true position of the target while it's hidden."""
     rows = {label: {
         'hidden': np.array([_mean_hidden(one) for one in runs]),
         'after': np.array([on_target(one, np.s_[95:]) for one in runs]),
@@ -129,7 +129,7 @@ def _times(result: Experiment, scene: str, outcomes: dict[str, list[Outcome]]) -
 
 
 def _walks(laboratory: Laboratory, result: Experiment) -> None:
-    """Compare accuracy and smoothness on people who walk before a resting camera."""
+    """Compare accuracy and smoothness on people who walk, seen by a resting camera."""
     for name in WALKS:
         outcomes = laboratory.measure(laboratory.video(name), 1, MENDED)
         if not outcomes[OURS]:
@@ -157,7 +157,7 @@ def _walks(laboratory: Laboratory, result: Experiment) -> None:
 
 
 def _search(laboratory: Laboratory, result: Experiment, scene: str) -> None:
-    """Count in which stage frames end, and what those take."""
+    """Count the frames by the stage of the search that they end in, and time them."""
     for label in (OURS, ABMS):
         stages: list[str] = []
         spent: list[float] = []
@@ -194,7 +194,7 @@ def _searched(film: Film, text: str, seed: int, stages: list[str], spent: list[f
 
 
 def _follows(label: str, outcome: Outcome, frames: slice) -> float:
-    """Return whether it's on the target, and doesn't say itself that it has lost it."""
+    """Return 1 if the box is on the target, and the tracker doesn't report a loss; else 0."""
     lost = label.startswith('ABMS') and outcome.run.measured[frames].mean() <= 0.5
     return 0.0 if lost else on_target(outcome, frames)
 

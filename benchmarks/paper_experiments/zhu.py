@@ -14,9 +14,9 @@ from paper_experiments.outcomes import (
 NOISES = (0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
 FOOTBALL_NOISES = (0.1, 0.2, 0.4)
 DYNAMICS = ('random_walk', 'constant_velocity', 'white_acceleration')
-#: Films of each scene, and the noise of the tables: one for all dynamics, that of the replicas.
+#: Films of the face and of football; noise of the tables, for all dynamics: the replicas' one.
 FACES, PITCHES, NOISE = 20, 1, 0.2
-#: Runs of all but the tables and the sweep on face_fast.
+#: Number of runs of all experiments but table 1 and the sweep on face_fast.
 FEW = 10
 PF, KPF, UPF = 'PF', 'KPF', 'UPF'
 PRINTED, MENDED = 'GMPF as printed', 'GMPF mended'
@@ -85,7 +85,7 @@ def _table1(laboratory: Laboratory, result: Experiment, dynamics: str) -> None:
 
 def _sweep(laboratory: Laboratory, result: Experiment, scene: str, particles: int,
            noises: tuple[float, ...], names: tuple[str, ...]) -> None:
-    """Note dynamics -> tracker -> [noise, mean error, its standard error, share finished]."""
+    """Note curves: dynamics -> tracker -> [noise, mean error, standard error, share finished]."""
     films = FACES if scene == 'face_fast' else PITCHES
     outcomes = laboratory.measure(laboratory.films(scene, films), films, {
         f'{dynamics}|{noise}|{name}': text for dynamics in DYNAMICS for noise in noises
@@ -116,7 +116,7 @@ def _sweep(laboratory: Laboratory, result: Experiment, scene: str, particles: in
 
 
 def _robustness(result: Experiment, scene: str) -> None:
-    """Note what each filter has with the worst dynamics and noise of the sweep, and the best."""
+    """Note each filter's mean error, and that with the best and worst dynamics and noise."""
     texts = []
     for name in next(iter(result.curves[scene].values())):
         cells = [(point[1] or 0.0, f'{dynamics.replace("_", " ")} {point[0]}')
@@ -195,7 +195,7 @@ def _indices(rows: dict[str, Figures]) -> str:
 
 
 def _best(rows: dict[str, Figures], name: str) -> str:
-    """Return the verdict on a tracker's having the best CEI of all."""
+    """Return the verdict on the claim that a tracker has the best CEI of all."""
     chosen = list(rows).index(name)
 
     def lead(picked: Array | None) -> float:
