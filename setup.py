@@ -1,8 +1,8 @@
 """
 Install the ROS 2 package vtrack_ros.
 
-Name, version, maintainers and addresses come from package.xml, what it needs from requirements/.
-colcon and rosdep go by package.xml alone; pip by what stands here.
+Name, version, maintainers and addresses come from package.xml, dependencies from requirements/.
+colcon and rosdep only use package.xml; pip uses this file.
 """
 
 from glob import glob

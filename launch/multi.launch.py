@@ -1,5 +1,5 @@
 """
-Launch several trackers, one a namespace, as one YAML file describes them.
+Launch several trackers, one per namespace, from a YAML file that describes them.
 
     ros2 launch vtrack_ros multi.launch.py targets:=targets.yaml
 
@@ -17,12 +17,12 @@ from launch_ros.actions import Node
 from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
-#: What a target may say of itself.
+#: Valid keys of a target's entry in the file.
 KEYS = ('image', 'camera_info', 'params_file', 'parameters', 'respawn')
 
 
 def generate_launch_description():
-    """Declare the argument; the nodes follow from the file that it names."""
+    """Declare the argument; the nodes are made from the file that it names."""
     share = get_package_share_directory('vtrack_ros')
     example = os.path.join(share, 'config', 'targets.yaml')
     return LaunchDescription([
@@ -55,14 +55,14 @@ def node(path, namespace, target):
     respawn = target.get('respawn', False)
     if not isinstance(respawn, bool):
         raise ValueError(f'{path}: {namespace}: respawn must be true or false, not {respawn!r}')
-    # Nothing is nothing: launch has no type for an empty list.
+    # An empty init_box is left out, because launch has no type for an empty list.
     try:
         box = checked_init_box(parameters.pop(INIT_BOX, None) or [])
     except (TypeError, ValueError) as error:
         raise ValueError(f'{path}: {namespace}: {error}') from None
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
-    # The node subscribes to the one that its image_transport says, wherever that was set.
+    # Both image topics, for the node subscribes to the one that its image_transport asks for.
     sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     profile = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
     return Node(

@@ -40,7 +40,7 @@ ARGUMENTS = {
 
 
 def generate_launch_description():
-    """Declare the arguments; the node follows from them."""
+    """Declare the arguments; the node is made from them."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=description)
         for name, (default, description) in ARGUMENTS.items()]
@@ -59,7 +59,7 @@ def nodes(context):
     box = target(given['init_box'])
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
-    # The node subscribes to the one that its image_transport says, wherever that was set.
+    # Both image topics, for the node subscribes to the one that its image_transport asks for.
     sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     return [Node(
         package='vtrack_ros',

@@ -1,4 +1,4 @@
-"""Bags for tests of what is done with them."""
+"""Bags that the tests of commands, node and demo read."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ def write_short_bag(path: Path, repository: Path, frames: int = 10) -> Path:
 
 
 def write_slow_bag(path: Path, frames: int = 300) -> Path:
-    """Write a bag whose target hardly moves, so that it's kept though frames are missed."""
+    """Write a bag whose target moves so slowly that it isn't lost when frames are dropped."""
     from node_harness import Scene, STEP
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""What all tests share: an own DDS domain, the real sequences, the repository's files."""
+"""Shared by all tests: a DDS domain of their own, the real sequences, the repository's files."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from vtrack_ros.dds import reserve_domain
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-# Before any test module imports NumPy or OpenCV: a thread a worker, as the node itself has.
+# Before any test module imports NumPy or OpenCV: one thread per worker, as in the node itself.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 os.environ.setdefault('OPENCV_FOR_THREADS_NUM', '1')
 # Before any test module imports rclpy.
 _domain_guard = reserve_domain()
 
-# A background job of a shell begins with Ctrl-C ignored, and so would all its children.
+# A shell starts background jobs with SIGINT ignored, which all child processes would inherit.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-# So does one of nohup with a closed terminal. That still doesn't end the tests, but what they
-# start: what is ignored is inherited, a handler isn't.
+# nohup likewise ignores SIGHUP. With a handler that does nothing, it still doesn't end the tests,
+# but does end the processes that they start: handlers, unlike ignored signals, aren't inherited.
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, lambda *_: None)
 
@@ -51,7 +51,7 @@ def from_benchmarks(repository: Path, monkeypatch: pytest.MonkeyPatch,
 
 @pytest.fixture(scope='session')
 def sequences() -> Path:
-    """Return the folder of the real sequences; skip where they aren't."""
+    """Return the folder of the real sequences; skip the test where there is none."""
     named = os.environ.get('VTRACK_SEQUENCES')
     folder = Path(named) if named else REPOSITORY.parent / 'shared' / 'sequences'
     if not folder.is_dir():

@@ -1,4 +1,4 @@
-"""A drawn ellipse of two colours, turned as one likes, on a noisy background."""
+"""A drawn ellipse of two colours, at any angle, on a noisy background."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ TARGET = (48, 40)
 START = (140.0, 110.0)
 #: The target's colours, BGR.
 COLOURS = [(20, 20, 200), (0, 220, 255), (10, 10, 40), (250, 240, 250)]
-#: More noise than an image needs, of three channels and deviation 1: each image has another part
-#: of it, for drawing it takes longer than all else here.
+#: Noise of standard deviation 1, shape (rows, columns, 3), 64 px larger than an image each way: an
+#: image gets a random crop of it, since drawing noise anew would take longer than all else here.
 NOISE = np.random.default_rng(1).standard_normal((SIZE[1] + 64, SIZE[0] + 64, 3), np.float32)
 
 
@@ -32,13 +32,13 @@ def texture(shape: tuple[int, int], colours: list[tuple[int, int, int]], blob: i
 
 
 def noise_part(rng: np.random.Generator) -> NDArray[np.float32]:
-    """Return as much of `NOISE` as an image has pixels."""
+    """Return a random crop of `NOISE` of the size of an image."""
     top, left = rng.integers(64, size=2)
     return NOISE[top:top + SIZE[1], left:left + SIZE[0]]
 
 
 class DrawnVideo:
-    """Frames of a target on a background; places are centres in pixels, with subpixels."""
+    """Frames of a target on a background; places are its centres in pixels, with subpixels."""
 
     def __init__(self, colour: bool = True, seed: int = 0, blob: int = 12) -> None:
         rng = np.random.default_rng(seed)
@@ -72,19 +72,19 @@ def box_at(center: tuple[float, float]) -> Box:
 
 
 def region_at(center: tuple[float, float]) -> tuple[slice, slice]:
-    """Return the rows and columns of an image that the target has."""
+    """Return the slices of the rows and columns that the target covers."""
     left, top = (int(place - side / 2) for place, side in zip(center, TARGET))
     return slice(top, top + TARGET[1]), slice(left, left + TARGET[0])
 
 
 def look_alike(video: DrawnVideo, center: tuple[float, float],
                share: float) -> NDArray[np.float64]:
-    """Return what is so far the target in its region, and for the rest another of its colours."""
+    """Return the target's region, blended by `share` with another texture of its colours."""
     other = texture(TARGET[::-1], COLOURS, 8, np.random.default_rng(7))
     target = video.frame(center, noise=0.0)[region_at(center)]
     return share * target + (1 - share) * other
 
 
 def straight(steps: int, velocity: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return the centres of `steps` steps at a constant velocity, [px], the start first."""
+    """Return the `steps` + 1 centres, from `START` on, of a constant velocity, [px/frame]."""
     return [(START[0] + i * velocity[0], START[1] + i * velocity[1]) for i in range(steps + 1)]

@@ -16,7 +16,7 @@ TIMED = {figure.key for figure in FIGURES if figure.timed}
 
 
 class DeadlySequence(FolderSequence):
-    """A sequence whose decoder takes the whole process with it."""
+    """A sequence whose decoder ends the whole process."""
 
     def frames(self):
         """End the process as a crash in compiled code would."""
@@ -29,7 +29,7 @@ def truth_of(index: int) -> tuple[int, int, int, int]:
 
 
 def picture(index: int, offset: int = 0) -> np.ndarray:
-    """Return a frame of 160 x 120 with the square where `truth_of` says."""
+    """Return a frame of 160 x 120 px with the square at `truth_of`, plus an offset in x."""
     rng = np.random.default_rng(7)
     frame = rng.integers(90, 140, (120, 160, 3), dtype=np.uint8)
     square = rng.integers(0, 60, (SIZE, SIZE, 3), dtype=np.uint8)
@@ -54,17 +54,17 @@ def write_truth(folder: Path, rows: list[str], name: str = 'groundtruth_rect.txt
 
 
 def boxes_run(boxes) -> Run:
-    """Return a run that said these boxes."""
+    """Return a run with these boxes as estimates."""
     count = len(boxes)
     return Run(np.array(boxes, dtype=float), np.zeros((count, 2, 2)), np.ones(count),
                np.ones(count, dtype=bool), np.ones(count - 1), np.ones(count - 1))
 
 
 class SignedSequence(FolderSequence):
-    """A sequence that tells which process decoded it, by a file of its number."""
+    """A sequence that records which process decodes it, by a file named after its process ID."""
 
     def frames(self):
-        """Sign, and decode."""
+        """Write that file, and decode."""
         (self.images[0].parent.parent / f'{os.getpid()}.pid').touch()
         return super().frames()
 

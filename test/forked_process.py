@@ -1,9 +1,9 @@
 """
-Processes that begin with ROS and the package loaded, as forks of one that has loaded them.
+Processes that start with ROS and the package already loaded, as forks of one server process.
 
-Loading takes a second of the processor in each of some sixty nodes, with what is loaded once ROS
-is up and when the first frames come; what they do from `main` on is the same. As a script, with a
-socket's number, this is the process that is forked.
+Loading, with what is loaded once ROS is up and when the first frames come, takes a second of
+processor time in each of some sixty nodes; from `main` on, what they do is the same. Run as a
+script, with a socket's file descriptor, this module is the server that is forked.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ForkedProcess:
         os.kill(self.pid, number)
 
     def kill(self) -> None:
-        """End it the hard way."""
+        """Kill it by SIGKILL."""
         self.send_signal(signal.SIGKILL)
 
     def _ended_within(self, seconds: float) -> int | None:
@@ -100,7 +100,7 @@ def _serve(requests: socket.socket) -> None:
             _keep(files[1], files[0], *json.loads(text))
         for file in files:
             os.close(file)
-    # With their processor time, which is counted.
+    # Wait for all children, so that their processor time is counted.
     while True:
         try:
             os.wait()
@@ -109,7 +109,7 @@ def _serve(requests: socket.socket) -> None:
 
 
 def _warm_up() -> None:
-    """Load what a node loads later; no thread may come of it, since a fork has none."""
+    """Load what a node loads later, without starting threads: a fork wouldn't have them."""
     import cv2
     from rclpy.type_support import check_is_valid_msg_type
     from vtrack_ros.session.session import TrackingSession
@@ -123,7 +123,7 @@ def _warm_up() -> None:
 
 def _keep(status: int, output: int, module: str, function: str, arguments: list[str],
           environment: dict[str, str]) -> None:
-    """Run the function in a process of its own; tell its number, and how it ended."""
+    """Run the function in a process of its own; write its PID, and then its exit code."""
     pid = os.fork()
     if pid == 0:
         end_with_parent()

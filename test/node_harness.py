@@ -1,4 +1,4 @@
-"""A tracking node in its own process, and somebody to talk with it over real DDS."""
+"""A tracking node in a process of its own, and a client that talks with it over real DDS."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from vision_msgs.msg import BoundingBox2D, Detection2DArray
 from vtrack_ros.dds import leave, with_profile
 from vtrack_ros.geometry import Box
 
-# Whoever sends images needs the profile as well; Fast DDS reads this with the first context.
+# The sender of images needs the profile, too; Fast DDS reads it when the first context is made.
 os.environ.update(with_profile(os.environ))
 
-#: How long anything may take before a test gives up.
+#: Time-out of each wait of a test, in seconds.
 PATIENCE = 20.0
-#: Steps of the frame stamps, in nanoseconds: 30 Hz.
+#: Interval of the frame stamps, in nanoseconds: 30 Hz.
 STEP = 33_333_333
 
 
@@ -43,7 +43,7 @@ class NodeProcess:
     """
     The node in a process of its own.
 
-    With a prelude it loads all by itself, after it has executed that.
+    With a prelude it's a new interpreter, not a fork, which executes that code before it loads.
     """
 
     def __init__(self, *arguments: str, entry: str = 'main', prelude: str | None = None,
@@ -95,7 +95,7 @@ class NodeProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the process, and hold it to a clean end."""
+        """End the process, and check that it ended cleanly."""
         assert self.stop() == 0, self.log
         assert 'Traceback' not in self.log, self.log
 
@@ -146,7 +146,7 @@ def image_message(frame: np.ndarray, stamp: int, encoding: str | None = None,
 
 
 class Client:
-    """Somebody who sends images and hears what the node says."""
+    """A client that sends images and stores what the node publishes."""
 
     def __init__(self, node_name: str = '/tracker', reliability: str = 'RELIABLE',
                  publish: type | None = Image, topic: str = 'image') -> None:
@@ -159,7 +159,7 @@ class Client:
         self.namespace = node_name.rsplit('/', 1)[0]
         self.heard: dict[str, list] = {}
         self.start = 10**12
-        """The first stamp of the stream that is being sent, in ns, for who counts from it."""
+        """The first stamp of the current stream, in ns, for tests that count from it."""
         self.images = None
         if publish is not None:
             qos = QoSProfile(depth=10, reliability=getattr(ReliabilityPolicy, reliability))
@@ -178,7 +178,7 @@ class Client:
             f'{self.namespace}/{topic}')
 
     def begin_stream(self, *forgotten: str) -> None:
-        """Begin a new stream, its stamps before the last one's; forget what was heard."""
+        """Begin a new stream with earlier stamps; clear what was heard on the forgotten topics."""
         self.start -= 10**10
         for topic in forgotten:
             del self.heard[topic][:]
@@ -213,8 +213,8 @@ class Client:
         self.until(lambda: all(map(self.node.count_publishers, topics)), 'outputs are missing')
         # The answer of a service comes after the discovery of everything before it.
         assert self.parameters.wait_for_services(PATIENCE)
-        # Readers are announced in their order: who is heard by the last one is heard by all. An
-        # idle node says once a second what it waits for.
+        # Subscriptions are announced in the order of their creation: once the last one receives
+        # messages, all do. An idle node publishes its state once a second.
         last: list = []
         subscription = self.node.create_subscription(
             DiagnosticStatus, self.resolved('~/state'), last.append, 10)

@@ -64,7 +64,7 @@ class Seen:
                     return content
 
     async def until(self, good):
-        """Return the first picture that is as wanted."""
+        """Return the first picture that meets a condition."""
         async with asyncio.timeout(PATIENCE):
             while not good(picture := await self.receive('picture')):
                 await self.ask(do='shown')
@@ -88,7 +88,7 @@ async def viewer(address, **arguments):
 
 
 async def answer(address, **headers):
-    """Return the status of an address."""
+    """Return the HTTP status of an address."""
     async with aiohttp.ClientSession() as session:
         async with session.get(address, headers=headers) as response:
             return response.status

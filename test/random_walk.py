@@ -1,4 +1,4 @@
-"""A state-space model of a caller's own: a scalar that falls back to a mean, and is measured."""
+"""A user-defined state-space model: a scalar that reverts to its mean, measured with noise."""
 
 import numpy as np
 

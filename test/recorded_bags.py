@@ -64,7 +64,7 @@ def ros1_bag(path, compressed=False, topic='/camera', chunks=None):
 
 
 def recorded(path, storage, mode=CompressionMode.NONE, indices=range(COUNT)):
-    """Write the bag that a recorder would, with its compression."""
+    """Write a bag as a ROS 2 recorder would, with a storage format and a compression mode."""
     writer = Ros2Writer(path, version=8, storage_plugin=StoragePlugin[storage.upper()])
     writer.set_compression(mode, CompressionFormat.ZSTD)
     store = messages.typestore()
@@ -79,10 +79,10 @@ def recorded(path, storage, mode=CompressionMode.NONE, indices=range(COUNT)):
 
 def mcap_records(order=range(COUNT), in_chunk=0, compression=''):
     """
-    Return an MCAP file with messages received in any order, and (message, where it is whole).
+    Return the bytes of an MCAP file, and (message, file size from which it's whole) of each.
 
-    There are `in_chunk` messages in a chunk, or all beside chunks; a message is topic, reception
-    and data. The file has no summary.
+    `order` is that of the frames; a chunk has `in_chunk` messages, 0 means no chunks. A message is
+    (topic, time of reception, data). The file has no summary.
     """
     schema = record(0x03, pack('<H', 1) + text('sensor_msgs/msg/Image') + text('ros2msg') +
                     text(''))

@@ -1,11 +1,11 @@
-"""The shared memory of Fast DDS that processes have, for tests of what is left of it."""
+"""Shared-memory segments of Fast DDS by process, for tests of what is left of them."""
 
 from collections.abc import Iterable
 from pathlib import Path
 
 
 def segments(processes: Iterable[int]) -> set[Path]:
-    """Return the segments that processes have mapped, those of the ports apart."""
+    """Return the segments that processes have mapped, except those of the ports."""
     found = set()
     for process in processes:
         for line in Path(f'/proc/{process}/maps').read_text().splitlines():
@@ -23,7 +23,7 @@ def group(leader: int) -> list[int]:
             # the name, in brackets, may hold anything
             fields = stat.read_text().rsplit(')', 1)[1].split()
         except OSError:
-            # ended since
+            # it has ended since
             continue
         if int(fields[2]) == leader:
             found.append(int(stat.parent.name))

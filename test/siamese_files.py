@@ -1,4 +1,4 @@
-"""Tiny networks with NanoTrack V2's inputs and outputs, which know a target by its mean colour."""
+"""Tiny networks with NanoTrack V2's inputs and outputs: they recognise a target by mean colour."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from onnx import checker, helper, numpy_helper, save, TensorProto
 
-#: Half the side of a square target in what's searched, in samples.
+#: Half the side of a square target in the search image, in samples.
 HALF = 255 / 8
 
 _folder = TemporaryDirectory()
@@ -36,10 +36,10 @@ def write_backbone(path: Path, channels: int = 48, gain: float = 1.0) -> str:
 
 def write_head(path: Path, grow: float = 1.0, gain: float = 1.0, clip: bool = False) -> str:
     """
-    Write a head: how near the mean colour about a place is to the target's, and a fixed box.
+    Write a head: its score is how near a place's mean colour is to the target's; its box is fixed.
 
-    A square target fills the middle 4 x 4 cells of its image. One with a `clip` of distances, of
-    which none is as far, has its limits as inputs.
+    A square target fills the middle 4 x 4 cells of its image. With `clip`, distances are clipped
+    to limits that none of them reaches, and these are inputs of the node.
     """
     middle = np.zeros((48, 1, 8, 8), np.float32)
     middle[:, :, 2:6, 2:6] = 1 / 16

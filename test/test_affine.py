@@ -128,7 +128,7 @@ def _turned(turn):
 
 
 def test_a_turned_rectangle_is_the_image_of_the_unit_square():
-    """Clockwise as one looks at the image: x right, y down."""
+    """A positive angle turns clockwise as one looks at the image: x right, y down."""
     matrix = affine.transformation((30.0, 20.0), (10.0, 4.0), np.pi / 2)
     assert matrix @ (0.5, 0, 1) == pytest.approx([30, 25, 1])
     assert matrix @ (0, 0.5, 1) == pytest.approx([28, 20, 1])

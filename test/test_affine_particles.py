@@ -52,7 +52,7 @@ def test_two_frames_at_once_are_one_step_of_twice_the_length():
     particles.velocities[:] = step
     particles.propose(2.0, np.zeros(6), 1.0)
     assert_allclose(particles.states[0], _state() @ affine.exponential(2 * step), atol=1e-9)
-    assert_allclose(particles.velocities[0], step, atol=1e-9)  # still in frames
+    assert_allclose(particles.velocities[0], step, atol=1e-9)  # still per frame
 
 
 @pytest.mark.parametrize('kind', [GroupParticles, VectorParticles])

@@ -16,14 +16,14 @@ def measured(first, second):
 
 
 def view(x, y):
-    """Return what a camera sees that is turned so far."""
+    """Return the image of a camera that is turned by (x, y) pixels."""
     return SCENE[60 + y:300 + y, 80 + x:400 + x]
 
 
 @pytest.mark.parametrize('x, y', [(0, 0), (12, -7), (-30, 20), (45, 0)])
 @pytest.mark.parametrize('grey', [False, True])
 def test_a_turn_moves_the_picture(x, y, grey):
-    """To a pixel or two: it's measured on every fifth."""
+    """The measured step is the image's, to 2.5 px: only every fourth pixel is used."""
     first, second = view(0, 0), view(x, y)
     if grey:
         first, second = first[:, :, 0], second[:, :, 0]
@@ -32,7 +32,7 @@ def test_a_turn_moves_the_picture(x, y, grey):
 
 
 def test_pictures_without_anything_in_common_say_nothing():
-    """No motion rather than any."""
+    """Unrelated pictures give None, not an arbitrary motion."""
     rng = np.random.default_rng(0)
     first, second = (rng.integers(256, size=(240, 320), dtype=np.uint8) for _ in range(2))
     assert measured(first, second) is None
@@ -40,6 +40,6 @@ def test_pictures_without_anything_in_common_say_nothing():
 
 @pytest.mark.parametrize('shape', [(1, 1, 3), (1, 40, 3), (5, 300)])
 def test_a_sliver_of_a_frame_says_nothing(shape):
-    """There isn't enough of it to compare."""
+    """A frame with too few rows or columns gives None."""
     frame = np.zeros(shape, np.uint8)
     assert measured(frame, frame) is None

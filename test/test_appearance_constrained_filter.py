@@ -1,4 +1,4 @@
-"""The constrained correlation filter: it sees the target alone, and finds it by that."""
+"""The constrained correlation filter: its support is the target's box alone."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def peak(filter_, maps):
 
 
 def test_maps_and_spectra_are_each_others_inverse():
-    """And the spectrum is the Fourier transform of each map."""
+    """`inverse_maps` inverts `transformed_maps`, which is the Fourier transform of each map."""
     maps = features()
     spectrum = transformed_maps(maps)
     np.testing.assert_allclose(spectrum, np.fft.rfft2(maps), atol=1e-3)
@@ -38,14 +38,14 @@ def test_maps_and_spectra_are_each_others_inverse():
 
 
 def test_the_support_is_the_box():
-    """Its area in cells is the box's; what is far from the corner isn't in it."""
+    """Its area is the box's, about cell (0, 0); cells half a window away are outside."""
     support = box_support(ROWS, COLUMNS, *TARGET)
     assert support.sum() == pytest.approx(TARGET[0] * TARGET[1])
     assert support[0, 0] == 1 and support[ROWS // 2, 0] == support[0, COLUMNS // 2] == 0
 
 
 def test_nothing_beyond_the_support_has_an_influence():
-    """The filter's own weights are zero there."""
+    """The filter's own weights are zero outside its support."""
     weights = inverse_maps(learned(features()).numerator)
     outside = box_support(ROWS, COLUMNS, *TARGET) == 0
     assert np.abs(weights[:, outside]).max() < 1e-4 * np.abs(weights).max()
@@ -53,11 +53,11 @@ def test_nothing_beyond_the_support_has_an_influence():
 
 
 def test_it_finds_the_target_before_another_background():
-    """An unconstrained filter, learned of the same window, stays with the background."""
+    """The peak stays on a target while the background moves; an unconstrained filter's doesn't."""
     before, other = features(0), features(1)
     rows, columns = slice(8, 15), slice(10, 18)
     moved = before.copy()
-    # the camera follows the target: it stays, what was learned about it goes on
+    # the camera follows the target, which stays in place, while the learned background moves on
     moved[:] = np.roll(before, 5, axis=2)
     moved[:, rows, columns] = before[:, rows, columns]
     assert peak(learned(before), moved) == (ROWS // 2, COLUMNS // 2)
@@ -67,7 +67,7 @@ def test_it_finds_the_target_before_another_background():
 
 
 def test_later_examples_are_averaged_in():
-    """With the weight that is given; the mean of filters is a filter of the same support."""
+    """The updated filter is the weighted mean of the old one and of the new example's."""
     first, second = learned(features(0)), features(1)
     both = learned(second, 0.1, first)
     np.testing.assert_allclose(
@@ -75,7 +75,7 @@ def test_later_examples_are_averaged_in():
 
 
 def test_a_shift_is_that_of_the_example():
-    """Learned off the middle by a shift, it finds the same pattern in the middle."""
+    """An example that is learned with its shift has its peak in the middle when it's unshifted."""
     maps = features()
     empty = ConstrainedFilter.within(*TARGET, CorrelationFilter.create(ROWS, COLUMNS, WIDTH))
     shifted = empty.updated(transformed_maps(np.roll(maps, (2, -3), (1, 2))), 1.0, (-3.0, 2.0))

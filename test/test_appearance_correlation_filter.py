@@ -1,4 +1,4 @@
-"""Correlation filters: what they answer to what they have learned."""
+"""Correlation filters: their responses to examples that they have learned, and to others."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def trained(shift=(0.0, 0.0), seed=0):
 
 @pytest.mark.parametrize('shift', [(0, 0), (3, 0), (-2, 4), (5, -6)])
 def test_its_own_example_gets_the_wanted_response(shift):
-    """The Gaussian that it was trained on, at the place that was said."""
+    """The response to the training example is the desired Gaussian at the given shift."""
     filter_, spectrum = trained(tuple(float(value) for value in shift))
     np.testing.assert_allclose(filter_.response(spectrum), label(shift), atol=0.02)
 
 
 def test_the_spectrum_is_that_of_the_tapered_features():
-    """A two-dimensional Fourier transform of each channel, its edges faded."""
+    """It's the two-dimensional Fourier transform of each channel, tapered towards the edges."""
     faded = features() * taper(ROWS)[:, None] * taper(COLUMNS)
     np.testing.assert_allclose(
         CorrelationFilter.transform(features()), scipy.fft.rfft2(faded), atol=1e-4)
 
 
 def test_a_shift_in_the_label_is_a_shift_of_the_example():
-    """Learning an example said to be off by a shift is learning it moved back to the middle."""
+    """Learning a shifted example with its shift equals learning the example in the middle."""
     empty = CorrelationFilter.create(ROWS, COLUMNS, WIDTH)
     tapered = features() * taper(ROWS)[:, None] * taper(COLUMNS)
     moved = np.roll(tapered, (4, -3), (1, 2))
@@ -60,7 +60,7 @@ def test_a_shift_in_the_label_is_a_shift_of_the_example():
 
 
 def test_the_response_moves_with_the_picture():
-    """A pattern inside the window, moved by whole cells, is found moved by as many."""
+    """A pattern that is moved by whole cells moves the peak by as many."""
     empty = CorrelationFilter.create(40, 48, 1.5)
     pattern = features(1, rows=8, columns=8)
     scene = np.zeros((4, 40, 48), np.float32)
@@ -73,7 +73,7 @@ def test_the_response_moves_with_the_picture():
 
 
 def test_response_is_linear_and_unknown_pictures_get_little():
-    """About one at the target, nothing for features that it has never seen."""
+    """The response is about 1 to the example, below 0.6 to other features, and linear."""
     filter_, spectrum = trained()
     other = filter_.transform(features(seed=9))
     assert filter_.response(spectrum).max() > 0.95
@@ -100,13 +100,13 @@ def test_learning_averages_numerator_and_denominator():
 
 @pytest.mark.parametrize('peak', [0.0, 0.3, -0.45, 0.5])
 def test_a_parabolas_peak_is_found_exactly(peak):
-    """Three points of a parabola tell where it is highest."""
+    """The maximum of a parabola is found from three of its points."""
     before, middle, after = (2 - 3 * (x - peak)**2 for x in (-1, 0, 1))
     assert parabola_offset(before, middle, after) == pytest.approx(peak)
 
 
 def test_a_flat_map_has_no_finer_peak():
-    """No curvature, no refinement; nor at the map's border."""
+    """The offset is 0 where the middle point is no maximum, and at the map's border."""
     assert parabola_offset(1.0, 1.0, 1.0) == 0
     assert parabola_offset(2.0, 1.0, 2.0) == 0
     response = np.zeros((5, 6), np.float32)
@@ -115,7 +115,7 @@ def test_a_flat_map_has_no_finer_peak():
 
 
 def test_a_subcell_peak_in_two_dimensions():
-    """A paraboloid between the cells is found to the last digit."""
+    """The maximum of a paraboloid between the cells is found to 1e-5 cells."""
     y, x = np.mgrid[:9, :11]
     response = (5 - (x - 6.3)**2 - 2 * (y - 3.8)**2).astype(np.float32)
     assert subcell_offset(response, 4, 6) == (
@@ -124,7 +124,7 @@ def test_a_subcell_peak_in_two_dimensions():
 
 @pytest.mark.parametrize('rows, columns', [(8, 8), (20, 24), (18, 30)])
 def test_the_response_is_an_inverse_fourier_transform(rows, columns):
-    """The whole map is what a Fourier transform gives; a part of it is cut from it."""
+    """The response is the inverse Fourier transform; a requested part equals that of the whole."""
     empty = CorrelationFilter.create(rows, columns, WIDTH)
     first, second = (empty.transform(features(seed, 4, rows, columns)) for seed in (0, 1))
     filter_ = empty.updated(first, 1.0)

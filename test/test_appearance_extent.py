@@ -1,4 +1,4 @@
-"""The extent of what is about a point."""
+"""The extent of the object at a point, such as a click."""
 
 import numpy as np
 import pytest
@@ -18,20 +18,20 @@ def picture(box, height=240, width=320, seed=0):
 @pytest.mark.parametrize('width, height', [
     (40, 40), (24, 60), (80, 44), (16, 16), (110, 110), (200, 170), (110, 215)])
 def test_thing_of_one_colour(width, height):
-    """A thing that stands out has its extent found, whatever its size and shape."""
+    """The extent of an object of a distinct colour is found, whatever its size and shape."""
     box = Box.from_center(150, 110, width, height)
     assert find_extent(picture(box), 150, 110).iou(box) > 0.6
 
 
 def test_grey():
-    """Lightness alone tells as well."""
+    """In a grey image an object is found by its lightness."""
     box = Box(100, 80, 50, 50)
     grey = picture(box)[..., 1]
     assert find_extent(grey, *box.center).iou(box) > 0.6
 
 
 def test_same_answer_again():
-    """There's no chance in it."""
+    """The same input gives the same box: nothing is random."""
     box = Box(100, 80, 50, 30)
     assert find_extent(picture(box), 120, 90) == find_extent(picture(box), 120, 90)
 
@@ -56,14 +56,14 @@ def test_at_the_border(x, y):
 @pytest.mark.parametrize('shape', [(1, 1), (1, 40, 3), (3, 5), (40, 2, 3), (600, 20),
                                    (6000, 2, 3), (3000, 1)])
 def test_tiny_and_narrow_pictures(shape):
-    """Whatever the picture's shape, there's a box about the point."""
+    """A picture of any shape gives a box with an area."""
     box = find_extent(np.zeros(shape, np.uint8), shape[1] / 2, shape[0] / 2)
     assert box.width > 0 and box.height > 0
 
 
 @pytest.mark.parametrize('width, height', [(40, 40), (24, 60), (80, 44)])
 def test_thing_of_its_surroundings_colours(width, height):
-    """What is textured on a smooth ground of the same colours has its extent found."""
+    """A textured object on a smooth background of the same grey levels is found."""
     rng = np.random.default_rng(2)
     levels = rng.integers(60, 180, (240, 320), np.uint8)
     # the same levels in order: a ground without an edge
@@ -76,7 +76,7 @@ def test_thing_of_its_surroundings_colours(width, height):
 
 @pytest.mark.parametrize('side, height', [(24, 120), (16, 90), (40, 400)])
 def test_check_in_noise(side, height):
-    """A thing of two colours is a thing, and none of its corners is, in a small picture too."""
+    """An object of two colours is found as a whole, not a corner of it, in small pictures too."""
     rng = np.random.default_rng(5)
     frame = rng.integers(60, 110, (height, height, 3), np.uint8)
     check = np.kron(rng.integers(0, 2, (4, 4)), np.ones((side // 4, side // 4), int))
@@ -88,7 +88,7 @@ def test_check_in_noise(side, height):
 
 @pytest.mark.parametrize('side', [10, 14, 20])
 def test_small_thing_in_a_large_picture(side):
-    """What is a hundredth of the picture's height is found, as from a drone."""
+    """An object of about 1 to 2 % of the picture's height is found, as seen from a drone."""
     box = Box.from_center(640, 400, side, side)
     frame = picture(box, 1080, 1280)
     assert find_extent(frame, *box.center).iou(box) > 0.6
@@ -96,7 +96,7 @@ def test_small_thing_in_a_large_picture(side):
 
 @pytest.mark.parametrize('x, y', [(140, 102), (160, 118), (158, 100), (142, 120)])
 def test_click_beside_the_middle(x, y):
-    """The box isn't centred at the click, but at what was clicked on."""
+    """The box is centred at the object that was clicked on, not at the click."""
     box = Box.from_center(150, 110, 50, 40)
     found = find_extent(picture(box), x, y)
     assert found.iou(box) > 0.6

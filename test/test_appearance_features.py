@@ -29,7 +29,7 @@ def directions(features):
 
 @pytest.mark.parametrize('bin_', range(18))
 def test_an_edges_direction_is_its_bin(bin_):
-    """18 signed orientations of 20 degrees from x to y; 9 unsigned ones without the sign."""
+    """An edge falls into its bin of 18 signed, or of 9 unsigned, orientations of 20 degrees."""
     features = oriented_gradients(step_edge(2 * math.pi * bin_ / 18), 4)
     middle = features[:, 5:7, 5:7].sum(axis=(1, 2))
     assert directions(middle).argmax() == bin_
@@ -37,7 +37,7 @@ def test_an_edges_direction_is_its_bin(bin_):
 
 
 def test_scalar_products_are_those_of_signed_and_unsigned_orientations():
-    """Eighteen channels stand for twenty-seven."""
+    """Products of the 18 channels equal those of the 18 signed and 9 unsigned orientations."""
     rng = np.random.default_rng(3)
     first, second = (oriented_gradients(
         cv2.GaussianBlur(rng.integers(256, size=(40, 40), dtype=np.uint8), (0, 0), 2), 4)
@@ -51,7 +51,7 @@ def test_scalar_products_are_those_of_signed_and_unsigned_orientations():
 
 
 def test_gradients_dont_depend_on_contrast():
-    """Half the contrast, nearly the same features; a flat image has none at all."""
+    """Half the contrast changes features by up to a quarter; a flat image has none at all."""
     strong = directions(oriented_gradients(step_edge(0.7, low=20, high=240), 4))
     weak = directions(oriented_gradients(step_edge(0.7, low=75, high=185), 4))
     assert strong.shape == (GRADIENT_CHANNELS, 12, 12) and GRADIENT_CHANNELS == 18
@@ -63,7 +63,7 @@ def test_gradients_dont_depend_on_contrast():
 
 
 def test_an_edge_moves_its_cell_only():
-    """A point of light makes features where it is, and none two cells away."""
+    """A bright spot has the strongest features in its own cell, and none four cells away."""
     image = np.full((40, 40), 80, np.uint8)
     image[21:23, 17:19] = 250
     features = oriented_gradients(image, 4)
@@ -73,13 +73,13 @@ def test_an_edge_moves_its_cell_only():
 
 
 def test_colour_names_sum_to_nothing():
-    """Memberships sum to one, and so do their means: the differences sum to zero."""
+    """Memberships sum to one, and so do their means, so that their differences sum to zero."""
     assert memberships().shape == (COLOURS, 11)
     np.testing.assert_allclose(memberships().sum(axis=1), 0, atol=1e-9)
 
 
 def test_folded_colour_names_keep_their_products():
-    """Of usual colours nearly all is kept, of saturated ones most; nothing is added."""
+    """Folding keeps 85 % of the energy, adds none, and keeps the products of usual colours."""
     described = colour_names(all_colours())
     assert described.shape == (COLOUR_CHANNELS, 1, COLOURS)
     numbers = described.reshape(COLOUR_CHANNELS, -1).T.astype(float)
@@ -100,7 +100,7 @@ def test_folded_colour_names_keep_their_products():
     ids=['black', 'blue', 'brown', 'grey', 'green', 'orange', 'pink', 'purple', 'red', 'white',
          'yellow'])
 def test_a_typical_colour_has_its_own_name(index, colour):
-    """The eleven terms of Berlin and Kay, in the order that the documentation gives."""
+    """Its highest membership is its own term of Berlin and Kay's eleven, in this order."""
     names = memberships()[rgb555(np.array([[colour]], np.uint8))[0, 0]]
     assert names.argmax() == index
 
@@ -124,7 +124,7 @@ def test_foreground_probability_is_bayes_with_even_odds():
 
 
 def test_foreground_learning_is_a_running_average():
-    """A rate r keeps 1 - r of what was known; unknown colours have no probability."""
+    """A rate r keeps 1 - r of what was known; unknown colours have probability 0."""
     first, second = np.zeros((20, 20, 3), np.uint8), np.zeros((20, 20, 3), np.uint8)
     first[5:15, 5:15] = (255, 0, 0)
     second[5:15, 5:15] = (0, 0, 255)
@@ -139,7 +139,7 @@ def test_foreground_learning_is_a_running_average():
 
 
 def test_box_mean():
-    """The mean over a box about each pixel; outside the image counts as nothing."""
+    """It's the mean over a box about each pixel, with zeros outside the image."""
     image = np.random.default_rng(0).uniform(size=(12, 15)).astype(np.float32)
     mean = box_mean(image, (5, 3))
     assert mean[6, 7] == pytest.approx(image[5:8, 5:10].mean(), rel=1e-5)
@@ -147,7 +147,7 @@ def test_box_mean():
 
 
 def test_15_bits_of_a_colour():
-    """Five bits of red, green and blue; the middle of each colour has that colour's number."""
+    """Five bits each of red, green and blue; `all_colours` is in the order of these numbers."""
     pixels = np.array([[(255, 0, 0), (0, 255, 0), (0, 0, 255), (8, 16, 24)]], np.uint8)
     assert rgb555(pixels).tolist() == [[31, 31 << 5, 31 << 10, 1 | 2 << 5 | 3 << 10]]
     np.testing.assert_array_equal(rgb555(all_colours())[0], np.arange(COLOURS))

@@ -11,7 +11,7 @@ from vtrack_ros.appearance.histogram import ColourHistogram, sampled_histograms
 
 
 def plain_histogram(frame, box, bins=6, grid=12, kernel='flat'):
-    """Return the histogram of a box, sampled at the middles of a grid's meshes."""
+    """Return the histogram of a box, sampled at the centres of a grid's cells."""
     levels = bins**3 if frame.ndim == 3 else bins**2
     result, total = np.zeros(levels), 0.0
     for row in range(grid):
@@ -41,7 +41,7 @@ def random_frame(colour=True, seed=0):
 @pytest.mark.parametrize('kernel', ['flat', 'epanechnikov'])
 @pytest.mark.parametrize('colour', [True, False])
 def test_histograms_are_those_of_a_plain_computation(kernel, colour):
-    """Boxes inside, across each border and outside, all in one call."""
+    """They're equal for boxes inside, across each border and outside, all in one call."""
     frame = random_frame(colour)
     boxes = np.array([
         [40.0, 30.0, 20.0, 12.0], [40.3, 30.8, 17.3, 21.9], [1.0, 2.0, 14.0, 18.0],
@@ -79,7 +79,7 @@ def test_the_epanechnikov_profile():
 
 @pytest.mark.parametrize('kernel', ['flat', 'epanechnikov'])
 def test_bhattacharyya_coefficients(kernel):
-    """It is 1 with itself, 0 with what shares no colour, the formula in between, and symmetric."""
+    """It's 1 with itself, 0 without a common colour, sqrt(0.5) for half of it, and symmetric."""
     frame = np.zeros((60, 80, 3), np.uint8)
     frame[:, :40] = (255, 0, 0)
     frame[:, 40:] = (0, 0, 255)
@@ -109,7 +109,7 @@ def test_coefficients_of_noise_are_in_range_and_follow_the_formula():
 
 
 def test_the_reference_of_a_box_across_the_border_is_normalised():
-    """What is seen of a target that begins at the border is its whole reference."""
+    """The reference of a target across the border is normalised over its visible part."""
     frame = random_frame()
     reference = ColourHistogram().reference(frame, np.array([0.0, 30.0, 24.0, 24.0]))
     assert reference.sum() == pytest.approx(1)

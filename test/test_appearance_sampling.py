@@ -12,13 +12,13 @@ from vtrack_ros.appearance.sampling import PixelWindow, sample_grids, sparse_par
 
 
 def plain_window(image, center, size, shape):
-    """Sample an image bilinearly at the middles of the window's meshes; its border repeats."""
+    """Sample an image bilinearly at the centres of a window's cells, its border replicated."""
     rows, columns = shape
     height, width = image.shape[:2]
     result = np.empty((rows, columns, *image.shape[2:]))
     for row in range(rows):
         for column in range(columns):
-            # nothing beyond the window's own pixels is looked at
+            # clamped, so that only the window's own pixels are used
             x, y = (
                 middle + min(max((index + 0.5) / count * length, 0.5), length - 0.5)
                 - length / 2 - 0.5
@@ -52,7 +52,7 @@ def smooth_image(colour, shape=(90, 120), seed=0):
 ], ids=['inside', 'enlarged', 'over the corner', 'over the other corner',
         'larger than the image'])
 def test_a_window_is_the_bilinear_one(colour, center, size, shape):
-    """Where no pixel is skipped, to the precision of OpenCV's coordinates."""
+    """Without subsampling it's bilinear, to the precision of OpenCV's coordinates."""
     image = smooth_image(colour)
     window = PixelWindow.about(center, size)
     assert window.center == center and (window.width, window.height) == size
@@ -64,14 +64,14 @@ def test_a_window_is_the_bilinear_one(colour, center, size, shape):
 
 
 def test_a_window_lies_on_whole_pixels():
-    """The nearest to what is asked for, and at least one pixel."""
+    """It's rounded to the nearest whole pixels, and has at least one."""
     assert PixelWindow.about((60.3, 44.8), (29.6, 24.2)) == PixelWindow(45, 33, 30, 24)
     assert PixelWindow.about((10.0, 10.0), (0.1, 0.2)) == PixelWindow(10, 10, 1, 1)
 
 
 @pytest.mark.parametrize('center', [(301.0, 200.0), (300.0, 200.0), (10.0, 20.0)])
 def test_a_shrunk_window_stays_in_place(center):
-    """Pixels are skipped, but what was in a place stays there: a ramp is sampled as a ramp."""
+    """A ramp is sampled as a ramp in its place, though pixels are skipped."""
     y, x = np.mgrid[:400, :600] + 0.5
     image = np.stack([x * 0.4, y * 0.6, x * 0.2 + y * 0.2], -1).astype(np.uint8)
     size = (240, 180)
@@ -83,7 +83,7 @@ def test_a_shrunk_window_stays_in_place(center):
 
 
 def test_a_huge_window_over_the_border_stays_in_place():
-    """It isn't copied with its border repeated, and each sample is where it should be."""
+    """A window too large for a copy with a replicated border is sampled in the right places."""
     x = np.arange(3000)
     image = np.tile((x * 0.08).astype(np.uint8), (2000, 1))
     found = PixelWindow.about((1000.0, 1000.0), (2800, 2600)).sampled(image, 65, 70)
@@ -92,7 +92,7 @@ def test_a_huge_window_over_the_border_stays_in_place():
 
 
 def test_what_is_inside_is_sampled_alike_over_the_border():
-    """A frame whose border repeats already has the same windows as one that ends there."""
+    """A frame that is padded by replicating its border has the same windows as before."""
     image = smooth_image(True)
     larger = np.pad(image, ((50, 50), (50, 50), (0, 0)), mode='edge')
     for left, top in ((-20, -10), (100, 70), (-40, 30)):
@@ -103,7 +103,7 @@ def test_what_is_inside_is_sampled_alike_over_the_border():
 
 @pytest.mark.parametrize('corner', [(-500, -300), (4000, 3000), (-500, 3000)])
 def test_a_window_outside_the_image_repeats_its_border(corner):
-    """Far away there is the nearest corner's colour."""
+    """Beyond a corner all samples have the nearest corner's colour."""
     image = smooth_image(True)
     found = PixelWindow(*corner, 30, 30).sampled(image, 5, 6)
     nearest = image[0 if corner[1] < 0 else -1, 0 if corner[0] < 0 else -1]
@@ -111,10 +111,10 @@ def test_a_window_outside_the_image_repeats_its_border(corner):
 
 
 def test_grids_are_sampled_exactly():
-    """Bilinearly and rounded, for every version of OpenCV: to the last grey level."""
+    """They're bilinear, rounded to whole grey levels, and exact with every version of OpenCV."""
     rng = np.random.default_rng(0)
     image = rng.integers(0, 256, (20, 30), dtype=np.uint8)
-    # eighths of a pixel, so that no rounding of the computation itself counts
+    # eighths of a pixel, so that the computation itself has no rounding errors
     x = rng.integers(-40, 280, (3, 12)).astype(np.float32) / 8
     y = rng.integers(-40, 200, (3, 9)).astype(np.float32) / 8
     found = sample_grids(image, x, y)
@@ -130,7 +130,7 @@ def test_grids_are_sampled_exactly():
 
 
 def bilinear(image, x, y):
-    """Return an image's values at places from the middle of the first pixel, one by one."""
+    """Return an image's value at a place, counted from the middle of the first pixel."""
     left, top = math.floor(x), math.floor(y)
     return sum(
         (x - left if dx else 1 - x + left) * (y - top if dy else 1 - y + top)
@@ -144,7 +144,7 @@ def bilinear(image, x, y):
     (60.0, 45.0), (4.0, 80.0), (-300.0, 20.0), (-500.0, 40.0), (60.0, 900.0)])
 @pytest.mark.parametrize('angle', [0.4, -2.0, math.pi])
 def test_a_turned_window_is_bilinear_to_a_32nd(angle, center, colour):
-    """With every OpenCV: to a grey level, even of noise; the frame's border repeats."""
+    """At places rounded to 1/32 px it's bilinear, to a grey level; the border is replicated."""
     shape = (90, 120, 3)[:2 + colour]
     image = np.random.default_rng(0).integers(256, size=shape, dtype=np.uint8)
     found = PixelWindow.about(center, (30, 24), angle).sampled(image, 16, 20)
@@ -158,7 +158,7 @@ def test_a_turned_window_is_bilinear_to_a_32nd(angle, center, colour):
 
 @pytest.mark.parametrize('colour', [True, False])
 def test_a_turned_window_of_a_long_frame_is_that_of_its_part(colour):
-    """A side of 32,766 px is the most that OpenCV samples: a scanner's frames are longer."""
+    """A frame's side may exceed the 32,766 px that OpenCV remaps, as a scanner's does."""
     part = smooth_image(colour)
     frame = np.zeros((90, 40_000, *part.shape[2:]), np.uint8)
     frame[:, -120:] = part
@@ -169,7 +169,7 @@ def test_a_turned_window_of_a_long_frame_is_that_of_its_part(colour):
 
 
 def test_a_turned_window_may_be_longer_than_that():
-    """A ramp is sampled as a ramp, if not of every pixel."""
+    """A window of 70,000 px samples a ramp as a ramp, though pixels are skipped."""
     ramp = np.linspace(0, 250, 80_000)[None].repeat(30, axis=0).astype(np.uint8)
     window = PixelWindow.about((40_000, 15), (70_000, 20), math.pi)
     found = window.sampled(ramp, 4, 50).astype(np.float64)
@@ -179,7 +179,7 @@ def test_a_turned_window_may_be_longer_than_that():
 
 @pytest.mark.parametrize('center, corner', [((-500, -500), (0, 0)), ((900, 900), (-1, -1))])
 def test_a_turned_window_beyond_a_corner_shows_its_pixel(center, corner):
-    """Nothing else is nearer."""
+    """All of its samples are the corner's pixel."""
     image = smooth_image(True)
     found = PixelWindow.about(center, (30, 24), 0.4).sampled(image, 16, 20)
     assert (found == image[corner]).all()
@@ -187,7 +187,7 @@ def test_a_turned_window_beyond_a_corner_shows_its_pixel(center, corner):
 
 @pytest.mark.parametrize('angle', [0.3, -1.2, 2.8])
 def test_a_turned_window_shows_a_turned_target_upright(angle):
-    """As an upright window does where the frame isn't turned; clockwise is positive."""
+    """It shows a turned frame as an upright one shows the original; clockwise is positive."""
     image, center = smooth_image(True, (200, 240)), (120.0, 100.0)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     middle = np.subtract(center, 0.5)
@@ -199,7 +199,7 @@ def test_a_turned_window_shows_a_turned_target_upright(angle):
 
 
 def test_a_sparse_part_of_a_small_frame_is_every_so_manieth_pixel():
-    """All over the frame, its last line too where it's one of them; nothing is drawn for it."""
+    """They are those of the whole frame, to its last row, and no random number is drawn."""
     frame = np.random.default_rng(0).integers(0, 256, (31, 41, 3), np.uint8)
     rng = np.random.default_rng(1)
     part, first = sparse_part(frame, 10, 20, rng)
@@ -210,7 +210,7 @@ def test_a_sparse_part_of_a_small_frame_is_every_so_manieth_pixel():
 
 @pytest.mark.parametrize('shape', [(300, 400), (40, 3000), (3000, 40)])
 def test_parts_of_a_large_frame_are_anywhere_and_no_larger_than_that(shape):
-    """Each has what is at its place, nearly as many pixels as it may, and all of them see all."""
+    """Each is a part of the frame, nearly as large as allowed; together they cover it."""
     frame, rng = np.arange(math.prod(shape)).reshape(shape), np.random.default_rng(0)
     seen = np.zeros(shape, bool)
     for _ in range(1000):

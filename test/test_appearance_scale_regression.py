@@ -35,14 +35,14 @@ def trained(size, image=None, growth=1.0):
 @pytest.mark.parametrize('size', [(40.0, 40.0), (60.0, 30.0), (75.0, 60.0)])
 @pytest.mark.parametrize('factor', [0.9, 0.95, 1.0, 1.05, 1.1])
 def test_a_known_growth_is_found(size, factor):
-    """A picture enlarged about the target's centre, as large as views show it, to 2.5 %."""
+    """The growth of a picture enlarged about the target's centre is found to 2.5 %."""
     found = trained(size).growth(enlarged(picture(), factor), CENTER)
     assert abs(np.log(found / factor)) < 0.025
 
 
 @pytest.mark.parametrize('factor', [0.9, 1.1])
 def test_what_was_learned_as_grown_has_not_grown_since(factor):
-    """An example that is said to be larger is the same as the smaller one, enlarged."""
+    """After an enlarged example was learned with its growth, the original has growth 1."""
     grown = enlarged(picture(), factor)
     again = trained((60.0, 60.0), grown, growth=factor)
     assert again.growth(picture(), CENTER) == pytest.approx(1.0, abs=0.02)
@@ -51,7 +51,7 @@ def test_what_was_learned_as_grown_has_not_grown_since(factor):
 
 @pytest.mark.parametrize('speed', [0.98, 1.02])
 def test_steady_growth_is_followed_without_end(speed):
-    """Two per cent at a time, threefold in all, sampled at the size that was found before."""
+    """Growth by 2 % a step, threefold in all, is followed to 10 %, sampled at the last size."""
     size = 1.0
     regression = trained((30.0, 30.0))
     for step in range(1, 56):
@@ -63,14 +63,14 @@ def test_steady_growth_is_followed_without_end(speed):
 
 
 def test_no_more_is_found_than_was_learned():
-    """Beyond the learned scales an estimate is a guess; it's bounded by their range."""
+    """The estimate is clamped to the range of the learned scales, |log growth| <= 0.2."""
     regression = trained((40.0, 40.0))
     for factor in (0.4, 0.6, 1.7, 2.5):
         assert abs(np.log(regression.growth(enlarged(picture(), factor), CENTER))) <= 0.2 + 1e-9
 
 
 def test_nothing_to_see_is_no_growth():
-    """An even picture has no scale."""
+    """A uniform picture has growth 1."""
     even = np.full((SIDE, SIDE), 90, np.uint8)
     assert trained((40.0, 30.0), even).growth(even, CENTER) == pytest.approx(1.0, abs=1e-6)
 

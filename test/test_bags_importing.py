@@ -21,7 +21,7 @@ def pictures(grey=False):
 
 
 def write_folder(folder, names='{:04d}.png', grey=False):
-    """Write pictures under names of their number, from 1 on."""
+    """Write pictures named by their number, from 1 on."""
     folder.mkdir(parents=True)
     for number, picture in enumerate(pictures(grey), start=1):
         cv2.imwrite(str(folder / names.format(number)), picture)
@@ -49,7 +49,7 @@ def test_sequence_folder(tmp_path, inner, separator):
 
 
 def test_plain_folder(tmp_path):
-    """Without a truth there's none; 2 comes before 10."""
+    """Without a truth file there's no truth; names are sorted by number, 2 before 10."""
     source = open_source(write_folder(tmp_path / 'plain', 'shot {}.png'))
     assert source.truth is None
     found = [frame for frame, _ in source.frames()]
@@ -61,7 +61,7 @@ def test_plain_folder(tmp_path):
 
 
 def test_truth_can_be_chosen(tmp_path):
-    """Another file, or none."""
+    """Another truth file is used if it's given, or none."""
     root = write_folder(tmp_path / 'sequence')
     (root / 'groundtruth_rect.txt').write_text('1,2,3,4\n' * COUNT)
     other = root / 'groundtruth_rect.2.txt'
@@ -72,7 +72,7 @@ def test_truth_can_be_chosen(tmp_path):
 
 
 def test_video(tmp_path):
-    """As many frames as were written, about as they were, at the video's rate."""
+    """All frames come through, nearly unchanged, at the video's rate; the truth must fit them."""
     path = tmp_path / 'film.avi'
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'MJPG'), 12.5, (64, 48))
     if not writer.isOpened():
@@ -106,7 +106,7 @@ def test_truth_that_does_not_fit(tmp_path, truth, words):
 
 
 def test_nothing_to_import(tmp_path):
-    """Missing paths, empty folders, and files that are no video."""
+    """Missing paths, empty folders and files that are no video are refused with the reason."""
     (tmp_path / 'empty').mkdir()
     (tmp_path / 'text.mp4').write_text('no video')
     for name, words in (('missing', 'does not exist'), ('empty', 'no images'),
@@ -116,7 +116,7 @@ def test_nothing_to_import(tmp_path):
 
 
 def test_broken_image(tmp_path):
-    """It's named, and no bag is left behind."""
+    """A broken image is named, and no bag is left behind."""
     root = write_folder(tmp_path / 'sequence')
     (root / '0007.png').write_bytes(b'no picture')
     with pytest.raises(SequenceError, match='0007.png'):
@@ -149,7 +149,7 @@ def test_imported_as_evaluated(tmp_path, names, grey):
 
 
 def test_turned_pictures_are_upright_everywhere(tmp_path):
-    """A camera that was held upright says so in the file, and both honour it."""
+    """Evaluation and import both turn a picture upright by the EXIF orientation in its file."""
     root = tmp_path / 'sequence'
     (root / 'img').mkdir(parents=True)
     data = cv2.imencode('.jpg', pictures()[0])[1].tobytes()

@@ -34,7 +34,7 @@ PATIENCE = 30.0
 
 
 class Listener:
-    """A node that keeps what it hears."""
+    """A node that stores the messages that it receives."""
 
     def __init__(self):
         self.context = Context()
@@ -70,7 +70,7 @@ class Listener:
 
 
 def latched_bag(path, topic='/latched'):
-    """Write a bag of two images far apart, and a header before them that was latched."""
+    """Write a bag of a latched (transient local) header, and then two images 3 s apart."""
     latched, volatile = (
         Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, durability, QosTime(0, 0),
             QosTime(0, 0), QosLiveliness.AUTOMATIC, QosTime(0, 0), False)
@@ -134,7 +134,7 @@ def test_every_image_arrives(repository, bag, topic):
 
 
 def test_a_reliable_subscriber_that_is_held_up_misses_nothing(repository, tmp_path, monkeypatch):
-    """What it hasn't got yet isn't replaced by what comes after it."""
+    """Messages that it hasn't received yet aren't replaced by later ones."""
     code = """
 import rclpy
 from rclpy.qos import QoSProfile
@@ -150,7 +150,7 @@ node.create_subscription(Image, 'image', hear, QoSProfile(depth=1000))
 while len(heard) < 50:
     rclpy.spin_once(node)
 """
-    # Fast DDS as it comes: its shared memory holds a few of these images.
+    # Fast DDS with its default profile, whose shared memory holds a few of these images.
     profile = tmp_path / 'none.xml'
     profile.write_text('<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"/>')
     for name in VARIABLES:
@@ -162,7 +162,7 @@ while len(heard) < 50:
         for _ in range(5):
             listener.stdout.readline()
         listener.send_signal(signal.SIGSTOP)
-        # As by a machine that has other things to do, for as long as the rest of the bag takes.
+        # As on a busy machine, for as long as the rest of the bag takes.
         time.sleep(0.6)
         listener.send_signal(signal.SIGCONT)
         assert finish(player)[0] == 0
@@ -188,7 +188,7 @@ rclpy.spin(node)
 
 
 def test_the_first_image_is_waited_for(repository):
-    """Who takes the newest alone misses none, however late he is ready for the first one."""
+    """A subscriber with a queue of 1 misses no image, however late it's ready for the first."""
     listener = subprocess.Popen([sys.executable, '-c', LATE], stdout=subprocess.PIPE, text=True)
     heard = []
 
@@ -203,7 +203,7 @@ def test_the_first_image_is_waited_for(repository):
             with Player(own.node, bag, ['image']) as player:
                 assert player.wait_for_subscribers(PATIENCE)
                 threading.Thread(target=listen, args=(player,), daemon=True).start()
-                # The player knows of it, and it has nothing yet: for more than an image's time.
+                # Once discovered, it's stopped before the first image, for more than an interval.
                 listener.send_signal(signal.SIGSTOP)
                 threading.Timer(1.2, listener.send_signal, (signal.SIGCONT,)).start()
                 player.play(Pace(rate=0.05), patience=PATIENCE)
@@ -214,7 +214,7 @@ def test_the_first_image_is_waited_for(repository):
 
 
 def test_who_never_receives_the_first_image_is_named(repository, capfd):
-    """A subscriber that hangs holds the player up for as long as it was told, and not silently."""
+    """A subscriber that hangs delays the player by the given 0.3 s, and a warning says so."""
     hanging = subprocess.Popen([sys.executable, '-c', LATE], stdout=subprocess.DEVNULL)
     try:
         with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
@@ -231,7 +231,7 @@ def test_who_never_receives_the_first_image_is_named(repository, capfd):
 
 
 def test_who_was_held_up_keeps_the_pace(repository):
-    """What is overdue isn't sent at once: a subscriber that takes the newest would miss it."""
+    """Overdue images aren't sent in a burst: a subscriber with a queue of 1 would miss some."""
     with Listener() as listener:
         heard = listener.hear(Image, 'image')
         player = play(repository / 'bags' / 'face_fast', '--topic', 'image', '--wait', PATIENCE,
@@ -247,7 +247,7 @@ def test_who_was_held_up_keeps_the_pace(repository):
 
 
 def test_clock_loop_and_best_effort(repository):
-    """The bag's time goes on air; a loop runs until it's stopped, and that is no failure."""
+    """The bag's time is published on /clock; a loop runs until it's stopped, with exit code 0."""
     with Listener() as listener:
         ticks = listener.hear(Clock, '/clock', ReliabilityPolicy.BEST_EFFORT)
         heard = listener.hear(Image, 'image', ReliabilityPolicy.BEST_EFFORT)
@@ -262,12 +262,12 @@ def test_clock_loop_and_best_effort(repository):
     times = [stamp_nanoseconds(message.clock) for _, message in ticks]
     assert min(times) >= min(stamps) and max(times) <= max(stamps)
     steps = {later - earlier for earlier, later in zip(times, times[1:]) if later > earlier}
-    # A hundred times a second, four times as fast: every 40 ms of the bag.
+    # 100 Hz at four times the speed: every 40 ms of the bag's time.
     assert min(steps) == 40_000_000
 
 
 def test_signal_ends_it(repository):
-    """Ctrl-C in mid-play: 130, a last word, no traceback."""
+    """Ctrl-C while playing: exit code 130, a summary line, no traceback."""
     player = play(repository / 'bags' / 'full_occlusion', '--rate', 0.01, '--wait', 0)
     for line in player.stdout:
         if line.startswith(str(repository)):
@@ -277,7 +277,7 @@ def test_signal_ends_it(repository):
     assert out.startswith('published')
 
 
-#: `vtrack`, with another signal at each step of a signal's handler.
+#: `vtrack`, with another signal injected at each call and return within a signal handler.
 NESTED_SIGNALS = """
 import signal, sys
 from vtrack_ros.cli.command_line import main
@@ -301,7 +301,7 @@ sys.exit(main(sys.argv[1:]))
 
 
 def test_signals_that_interrupt_each_other_end_it(repository):
-    """A player that's told twice at once, as by Ctrl-C and whoever started it, ends just so."""
+    """A player that gets two signals at once, as from Ctrl-C and from its parent, ends with 0."""
     player = play(repository / 'bags' / 'full_occlusion', '--loop', '--rate', 0.01, '--wait', 0,
                   command=('-c', NESTED_SIGNALS))
     for line in player.stdout:
@@ -319,7 +319,7 @@ def play_here(capfd, *arguments):
 
 
 def test_nobody_listens(repository, capfd):
-    """It's said, and the bag is played all the same."""
+    """Without subscribers a note is printed, and the bag is played anyway."""
     code, out, _ = play_here(capfd, repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0.1,
                              '--remap', 'image:=nobody/hears/this')
     assert code == 0
@@ -328,10 +328,10 @@ def test_nobody_listens(repository, capfd):
 
 
 def test_late_subscribers_get_what_was_latched(tmp_path):
-    """What was recorded as transient local reaches a subscriber that asks for it, also late."""
+    """Transient local messages reach a subscriber that asks for that durability, also late."""
     path = latched_bag(tmp_path / 'bag')
     with Listener() as listener:
-        # Played once somebody has subscribed to the image; the second comes half a minute later.
+        # Playing starts once the image has a subscriber; the second image comes 30 s later.
         player = play(path, '--qos', 'auto', '--wait', PATIENCE, '--rate', 0.1)
         images = listener.hear(Image, 'image')
         listener.spin_until(lambda: images or player.poll() is not None, 'no image')
@@ -346,7 +346,7 @@ def test_late_subscribers_get_what_was_latched(tmp_path):
 
 
 def test_exchanged_names(repository, capfd):
-    """Two topics can exchange their names; ROS is told nothing that makes it warn."""
+    """Two topics can exchange their names, and ROS doesn't warn."""
     code, out, err = play_here(capfd, repository / 'bags' / 'face_fast', '--rate', 20, '--wait', 0,
                                '--remap', 'image:=truth', 'truth:=image')
     assert code == 0 and err == ''
@@ -355,7 +355,7 @@ def test_exchanged_names(repository, capfd):
 
 
 def test_recorded_name_that_ros_refuses(tmp_path, capfd):
-    """It's said in one line, and --remap is the way out."""
+    """An invalid recorded name is reported in one line, and --remap renames it."""
     path = latched_bag(tmp_path / 'bag', '/bad topic')
     code, _, err = play_here(capfd, path, '--wait', 0)
     assert code == 2
@@ -371,7 +371,7 @@ def test_recorded_name_that_ros_refuses(tmp_path, capfd):
     (['--remap', 'image:=bad topic'], "'/bad topic'"), (['--remap', 'image:=1'], "'/1'"),
     (['--remap', 'image:=truth'], '/truth')])
 def test_wrong_arguments(repository, arguments, words, capfd):
-    """One line and exit code 2."""
+    """Wrong arguments are reported in one line, with exit code 2."""
     code, out, err = play_here(capfd, repository / 'bags' / 'face_fast', *arguments)
     assert code == 2
     assert len(err.splitlines()) == 1 and words in err

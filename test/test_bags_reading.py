@@ -99,7 +99,7 @@ def test_truth_beside_the_bag(tmp_path):
     ('stamp_ns,x,y,width,height\n1,2,3,4,5\nfive,1,1,1,1\n', 'line 3'),
     ('stamp_ns,x,y,width,height\n1,2,3,4,5,6\n', 'line 2')])
 def test_broken_truth_file(tmp_path, text, words):
-    """The line and the reason are named."""
+    """The error names the line and the reason."""
     path = write(tmp_path / 'bag')
     (path / 'truth.csv').write_text(text)
     with BagReader(path) as bag, pytest.raises(BagError, match=words):
@@ -109,7 +109,7 @@ def test_broken_truth_file(tmp_path, text, words):
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3', 'ros1'])
 @pytest.mark.parametrize('share', [0.0, 0.001, 0.3, 0.6, 0.9, 0.999])
 def test_truncated(tmp_path, storage, share):
-    """A bag that was cut off after it was finished is called broken or empty, at any cut."""
+    """A bag that was cut off after it was finished is reported as broken or empty, at any cut."""
     if storage == 'ros1':
         path = file = ros1_bag(tmp_path / 'one.bag')
     else:
@@ -174,7 +174,7 @@ def test_broken_metadata(tmp_path, metadata):
 
 
 def test_storage_is_missing(tmp_path):
-    """The file that the metadata name is gone."""
+    """A missing file that the metadata name is an error."""
     path = write(tmp_path / 'bag')
     next(path.glob('*.mcap')).unlink()
     with pytest.raises(BagError, match='missing'):
@@ -190,7 +190,7 @@ def test_no_message(tmp_path):
 
 
 def test_no_image_topic(tmp_path):
-    """What the bag has instead is listed."""
+    """The error lists the topics that the bag has instead."""
     with BagWriter(tmp_path / 'bag') as writer:
         writer.write_truth(Box(1, 2, 3, 4), FIRST)
     with pytest.raises(BagError, match='no image topic.*/truth'):
@@ -198,7 +198,7 @@ def test_no_image_topic(tmp_path):
 
 
 def test_two_image_topics(tmp_path):
-    """One must be chosen; a leading slash doesn't matter."""
+    """One must be chosen by name; the leading slash is optional."""
     path = write(tmp_path / 'bag', topics=('/left', '/right'))
     with pytest.raises(BagError, match='several.*/left.*/right.*--topic'):
         read_all(path)
@@ -211,7 +211,7 @@ def test_two_image_topics(tmp_path):
 
 
 def test_image_that_cannot_be_read(tmp_path):
-    """It's an error with its place, or left out and told."""
+    """An unreadable image is an error with its index, or it's skipped and reported."""
     with BagWriter(tmp_path / 'bag') as writer:
         for index, frame in enumerate(frames()[:3]):
             message = messages.image(frame, FIRST + index, 'eye')
@@ -227,7 +227,7 @@ def test_image_that_cannot_be_read(tmp_path):
 
 
 def test_error_leaves_nothing(tmp_path):
-    """An interrupted bag doesn't appear, nor does anything else stay behind."""
+    """After an interruption neither the bag nor any other file is left."""
     with pytest.raises(KeyboardInterrupt), BagWriter(tmp_path / 'bag') as writer:
         writer.write_frame(frames()[0], FIRST)
         raise KeyboardInterrupt
@@ -245,14 +245,14 @@ def test_nothing_is_overwritten(tmp_path):
 @pytest.mark.parametrize('arguments, words', [
     (('zip',), 'mcap, sqlite3'), (('mcap', 'gif'), 'none, png, jpeg')])
 def test_unknown_formats(tmp_path, arguments, words):
-    """The valid ones are listed."""
+    """The error lists the valid formats."""
     with pytest.raises(BagError, match=words):
         BagWriter(tmp_path / 'bag', *arguments)
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_what_ros2_bag_needs(tmp_path, storage):
-    """Metadata of version 9, types with hashes and whole definitions, quality of service."""
+    """The bag has metadata of version 9, type hashes, whole definitions, quality of service."""
     path = write(tmp_path / 'bag', storage)
     yaml = pytest.importorskip('yaml', reason='needs PyYAML')
     about = yaml.safe_load((path / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
@@ -275,7 +275,7 @@ def test_what_ros2_bag_needs(tmp_path, storage):
 
 
 def test_definitions_are_those_of_the_interface_package(repository: Path):
-    """The types that bags carry hash like the definitions that ROS nodes are built from."""
+    """The types in bags have the same hashes as the definitions that ROS nodes are built from."""
     folder = repository / 'interfaces' / 'vision_msgs' / 'msg'
     store = get_typestore(Stores.ROS2_JAZZY)
     types = {}
@@ -307,7 +307,7 @@ def test_cdr_is_that_of_ros(tmp_path):
 
 @pytest.mark.parametrize('name', ['face_fast', 'full_occlusion', 'leave_and_return'])
 def test_recorded_bags(repository: Path, name):
-    """Those in the repository are whole, small, and have a truth for every image."""
+    """Those in the repository are whole and have a truth for every image."""
     path = repository / 'bags' / name
     images, truth = read_all(path)
     assert len(images) >= 50

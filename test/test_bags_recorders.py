@@ -13,7 +13,7 @@ from vtrack_ros.bags import BagError, BagReader  # noqa: E402
 
 @pytest.mark.parametrize('compressed', [False, True])
 def test_ros1(tmp_path, compressed):
-    """A ROS 1 bag gives the same frames; unknown types don't get in the way."""
+    """A ROS 1 bag gives the same frames; messages of unknown types are ignored."""
     images, truth = read_all(ros1_bag(tmp_path / 'one.bag', compressed))
     assert truth == {}
     assert [image.stamp for image in images] == [FIRST + i * STEP for i in range(COUNT)]
@@ -44,7 +44,7 @@ def test_compressed_by_the_recorder(tmp_path, storage, mode):
     if mode == 'STORAGE':
         assert len(read_all(file)[0]) == COUNT
     else:
-        # What the metadata say of it can't be seen in the file.
+        # The metadata tell that it's compressed; the file alone doesn't.
         with pytest.raises(BagError, match='is compressed.*folder'):
             read_all(file)
 

@@ -107,7 +107,7 @@ def test_result_bag(replayed):
 
 
 def test_figures_are_those_of_the_table(replayed):
-    """Overlap and error, computed again from the files."""
+    """Overlap and error equal those computed from the files."""
     path, out, figures = replayed
     with BagReader(path) as bag:
         truth = bag.truth()
@@ -145,7 +145,7 @@ def test_pictures(short, tmp_path):
 
 @pytest.mark.parametrize('tracker', ['pf_paper', 'gmpf_paper'])
 def test_parameters_and_seeds(short, tmp_path, tracker):
-    """What's set is in force: fewer particles, or other ones, give other boxes on colours."""
+    """Parameters and seeds take effect: fewer particles, or another seed, give other boxes."""
     path = str(short)
     for name, values in (('plain', []), ('few', ['--set', 'particles=30']), ('other', [
             '--seed', '4'])):
@@ -176,7 +176,7 @@ def test_box_says_where(face):
 
 
 def test_nothing_says_where(face):
-    """That's an error, not an empty result; so is a box beyond the image."""
+    """Without truth and box it's an error, not an empty result; so is a box beyond the image."""
     images, _ = face
     with pytest.raises(BagError, match='--init'):
         list(replay(images[:3], TrackingSession('pf'), {}))
@@ -185,7 +185,7 @@ def test_nothing_says_where(face):
 
 
 def test_stamps_that_go_backwards(face):
-    """A bag that was recorded from a loop begins anew, with the same boxes."""
+    """When stamps go back, as in a recorded loop, tracking restarts, with the same boxes."""
     images, truth = face
     steps = list(replay([*images[:12], *images[:12]], TrackingSession('gmpf', 5), truth))
     assert [step.started for step in steps] == 2 * ([True] + [False] * 11)
@@ -194,7 +194,7 @@ def test_stamps_that_go_backwards(face):
 
 
 def test_late_image(face):
-    """One whose stamp steps back is left out, and the target is kept."""
+    """An image with a stamp before the last one's is skipped, and the target is kept."""
     images, truth = face
     late = changed(images[8], stamp=images[7].stamp - 75_000_000)
     steps = list(replay([*images[:8], late, *images[9:12]], TrackingSession('pf'), truth))
@@ -203,7 +203,7 @@ def test_late_image(face):
 
 
 def test_size_that_changes(face):
-    """The target is lost for good, and the replay goes on."""
+    """After a change of the image size there is no estimate, and the replay goes on."""
     images, truth = face
     small = [StampedFrame(image.stamp, image.received, '', image.frame[:80, :100].copy())
              for image in images[5:8]]
@@ -212,7 +212,7 @@ def test_size_that_changes(face):
 
 
 def test_malformed_images_are_told(tmp_path, face, capsys):
-    """They're left out, named and counted; the rest is followed."""
+    """Malformed images are skipped, named and counted; the other frames are tracked."""
     images, truth = face
     with BagWriter(tmp_path / 'bag') as writer:
         for index, image in enumerate(images[:10]):
@@ -237,7 +237,7 @@ def step(stamp, box, state=TrackState.TRACKING, started=False, milliseconds=2.0)
 
 
 def test_scoring():
-    """Waiting frames don't count, predictions overlap nothing, absent targets don't matter."""
+    """Frames before the start don't count; predictions have overlap 0, absent targets none."""
     truth = {0: Box(0, 0, 2, 2), 1: Box(0, 0, 4, 4), 2: Box(1, 1, 2, 2), 3: None,
              4: Box(0, 0, 2, 2)}
     score = StreamScore(truth)
@@ -246,7 +246,7 @@ def test_scoring():
     score.add_step(step(2, Box(2, 1, 2, 2)))
     score.add_step(step(3, Box(0, 0, 9, 9), milliseconds=4.0))
     score.add_step(step(4, Box(0, 0, 2, 2), TrackState.SEARCHING, milliseconds=6.0))
-    # Wrong is one of three after the start: the absent target that was measured.
+    # Of three frames after the start one is wrong: the target is absent, but reported as tracked.
     assert score.figures() == pytest.approx({
         'frames': 4, 'frames_tracked': 3, 'mean_iou': (1 + 1 / 3 + 0) / 3,
         'centre_error_px': 0.5, 'wrong_tracking': 1 / 3, 'ms_per_frame': 4.0})
@@ -256,7 +256,7 @@ def test_scoring():
 
 
 def test_scoring_of_what_was_wrong():
-    """A box off the target is wrong while it's measured; unknown truth says nothing."""
+    """A measured box off the target is wrong; frames without known truth don't count."""
     truth = {stamp: Box(0, 0, 10, 10) for stamp in range(5)}
     score = StreamScore(truth)
     score.add_step(step(0, Box(40, 0, 10, 10), started=True))
@@ -267,6 +267,6 @@ def test_scoring_of_what_was_wrong():
     score.add_step(step(5, Box(40, 0, 10, 10)))
     figures = score.figures()
     assert figures['wrong_tracking'] == 1 / 4
-    # Where there's no target the tracker has nothing to do, which tells nothing of its speed.
+    # Frames without an estimate don't count for the speed: the tracker has nothing to do.
     assert figures['ms_per_frame'] == 2.0
     assert 'wrongly tracking       0.250' in figures_table(figures)

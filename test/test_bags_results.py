@@ -61,7 +61,7 @@ def test_what_is_not_ours_is_kept(bag, tmp_path, make, capsys):
 
 
 def test_other_bags_and_notes_are_kept(bag, tmp_path, capsys):
-    """A bag of images beside results, or a file laid into a result bag, makes it not ours."""
+    """A result bag with a file added, or a bag of images in its place, isn't ours, and is kept."""
     out = tmp_path / 'out'
     assert replay(bag, out, '--no-video') == 0
     (out / 'bag' / 'notes.txt').write_text('looked at on Monday')
@@ -91,7 +91,7 @@ def test_results_stay_until_there_are_new_ones(bag, tmp_path, capsys):
 
 
 def test_pictures_of_another_run_go(bag, tmp_path, capsys):
-    """Without pictures, those of the run before don't stay beside the new table."""
+    """A run without pictures removes those of the previous run."""
     out = tmp_path / 'out'
     assert replay(bag, out) == 0
     assert replay(bag, out, '--no-video', '--seed', '3') == 0
@@ -101,7 +101,7 @@ def test_pictures_of_another_run_go(bag, tmp_path, capsys):
 
 
 def test_figures_alone(bag, tmp_path, monkeypatch, capsys):
-    """Without a folder for results there are the figures, and no file."""
+    """Without a folder for results the figures are printed, and no file is written."""
     monkeypatch.chdir(tmp_path)
     before = contents(tmp_path)
     assert main(['replay', str(bag), '--tracker', 'pf', '--json']) == 0
@@ -111,7 +111,7 @@ def test_figures_alone(bag, tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize('place', ['file', 'file/below', '/proc/nowhere'])
 def test_place_that_cannot_be(bag, tmp_path, place, capsys):
-    """It's named in one line of words, not as an error of the system."""
+    """The path is named in the error, in words instead of an errno."""
     (tmp_path / 'file').write_text('mine')
     assert replay(bag, tmp_path / place) == 2
     error = capsys.readouterr().err
@@ -120,7 +120,7 @@ def test_place_that_cannot_be(bag, tmp_path, place, capsys):
 
 
 def test_no_image_that_can_be_read(bag, tmp_path, capsys):
-    """Results of nothing don't replace results."""
+    """A bag without a readable image gives an error, and no results."""
     from vtrack_ros.bags import messages
     torn = tmp_path / 'torn'
     with BagWriter(torn) as writer:

@@ -1,4 +1,4 @@
-"""The truth of bags: boxes that say that the target is absent."""
+"""The truth of bags: boxes that mean that the target is absent."""
 
 import math
 
@@ -15,7 +15,7 @@ FIRST = 5_000_000_123
 
 
 def test_truth_without_area_is_absent(tmp_path):
-    """A box of no size, or of no number, says that the target is absent: topic and file alike."""
+    """A box without area or with a size that isn't finite means absent, in topic and file."""
     sizes = [(7.0, 9.0), (0.0, 9.0), (7.0, -1.0), (math.nan, 9.0), (math.inf, 9.0)]
     with BagWriter(tmp_path / 'bag') as writer:
         for index, (width, height) in enumerate(sizes):
@@ -34,7 +34,7 @@ def test_truth_without_area_is_absent(tmp_path):
 
 
 def test_bag_with_truth_without_area_is_evaluated(repository, tmp_path, capsys):
-    """One such box is no reason to leave a bag out."""
+    """A bag with such a box in its truth is evaluated."""
     with BagReader(repository / 'bags' / 'face_fast') as bag, \
             BagWriter(tmp_path / 'bag') as writer:
         for index, image in enumerate(bag.frames()):

@@ -1,4 +1,4 @@
-"""What recorders that died leave behind is read as far as it goes, and never changed."""
+"""Bags of recorders that crashed are read as far as they're whole, and never changed."""
 
 from contextlib import closing, suppress
 import re
@@ -23,7 +23,7 @@ SHARES = [0.2, 0.5, 0.8, 0.9, 0.97]
 
 
 def read(path):
-    """Return all messages and the notice; what's on the disk stays as it is."""
+    """Return all messages and the notice; check that the files don't change."""
     files = [path] if path.is_file() else sorted(path.iterdir())
     before = [(file, file.read_bytes(), file.stat().st_mtime_ns) for file in files]
     try:
@@ -35,7 +35,7 @@ def read(path):
 
 
 def check(path, whole):
-    """Make sure that just the whole messages are read, and told of."""
+    """Check that exactly the whole messages are read, and that the notice counts them."""
     if whole:
         found, notice = read(path)
         assert found == whole
@@ -53,10 +53,10 @@ def check(path, whole):
 @pytest.mark.parametrize('order', [
     range(COUNT), [1, 0, 3, 2, 4, 5, 8, 7, 6, 9, 11, 10]], ids=['sorted', 'mixed'])
 def test_mcap_without_an_end(tmp_path, order, in_chunk, compression):
-    """Cut anywhere, it has the messages that are whole, in the order of their reception."""
+    """Cut anywhere, a file gives its whole messages, in the order of their reception."""
     data, sent = mcap_records(order, in_chunk, compression)
     path = tmp_path / 'cut.mcap'
-    # Every few bytes where records end, and some in between.
+    # Next to the ends of records, and at some places in between.
     cuts = {end + more for _, end in sent for more in (-1, 0, 1, 9, 30)}
     cuts |= {int(share * len(data)) for share in SHARES}
     cuts |= {20, 60, len(data) - 38, len(data) - 37, len(data) - 8, len(data) - 1}
@@ -68,7 +68,7 @@ def test_mcap_without_an_end(tmp_path, order, in_chunk, compression):
 
 @pytest.mark.parametrize('in_chunk', [0, 3])
 def test_mcap_with_an_end_of_zeros(tmp_path, in_chunk):
-    """A file system may leave zeros where it had no time to write."""
+    """Zeros, which a file system may leave at the end, don't count as messages."""
     data, sent = mcap_records(in_chunk=in_chunk)
     path = tmp_path / 'cut.mcap'
     cut = sent[6][1]
@@ -82,7 +82,7 @@ def test_mcap_with_an_end_of_zeros(tmp_path, in_chunk):
 
 
 def test_mcap_that_is_whole(tmp_path):
-    """One with an end has no notice."""
+    """A file with an end has no notice."""
     data, sent = mcap_records(in_chunk=3)
     path = tmp_path / 'whole.mcap'
     path.write_bytes(data)
@@ -90,7 +90,7 @@ def test_mcap_that_is_whole(tmp_path):
 
 
 def test_mcap_broken_in_the_middle(tmp_path):
-    """That isn't what a recorder leaves: it's an error, with an end or without."""
+    """Damage that isn't at the end is an error, whether the file has an end or not."""
     data, sent = mcap_records(in_chunk=3, compression='lz4')
     place = sent[0][1] // 2
     path = tmp_path / 'damaged.mcap'
@@ -102,7 +102,7 @@ def test_mcap_broken_in_the_middle(tmp_path):
 
 @pytest.mark.parametrize('storage_compression', ['none', 'png'])
 def test_cut_bag_of_our_own(tmp_path, storage_compression):
-    """What `BagWriter` made, without metadata and its end: images and their truth."""
+    """Of a bag by `BagWriter`, without its metadata and its end, images and truth are read."""
     path = tmp_path / 'bag'
     rng = np.random.default_rng(3)
     sent = [rng.integers(0, 256, (300, 400, 3)).astype(np.uint8) for _ in range(COUNT)]
@@ -133,7 +133,7 @@ def test_cut_bag_of_our_own(tmp_path, storage_compression):
 
 
 def unindexed(data):
-    """Return a ROS 1 bag with the first record that it has until it's closed."""
+    """Return a ROS 1 bag whose first record is that of a bag which wasn't closed."""
     for name, size in ((b'index_pos=', 8), (b'conn_count=', 4), (b'chunk_count=', 4)):
         data = re.sub(name + b'.' * size, name + bytes(size), data, count=1, flags=re.DOTALL)
     return data
@@ -156,7 +156,7 @@ def written_by_roscpp(data):
 @pytest.mark.parametrize('roscpp', [False, True])
 @pytest.mark.parametrize('chunks', ['NONE', 'BZ2', 'LZ4'])
 def test_ros1_without_an_index(tmp_path, chunks, roscpp, name):
-    """Cut anywhere, it has the messages of whole chunks, and all whole ones where it can."""
+    """Cut anywhere, it gives the messages of whole chunks; uncompressed, all whole messages."""
     whole, _ = read(ros1_bag(tmp_path / 'one.bag', chunks=chunks))
     data = unindexed((tmp_path / 'one.bag').read_bytes())
     data = written_by_roscpp(data) if roscpp else data
@@ -174,7 +174,7 @@ def test_ros1_without_an_index(tmp_path, chunks, roscpp, name):
 
 
 def test_ros1_with_a_chunk_that_was_not_closed(tmp_path):
-    """Its length isn't written yet; where it isn't compressed, its messages are read."""
+    """The last chunk's length isn't written yet; if it isn't compressed, its messages are read."""
     for chunks, more in (('NONE', 2), ('BZ2', 0), ('LZ4', 0)):
         path = ros1_bag(tmp_path / f'{chunks}.bag', chunks=chunks)
         whole, _ = read(path)
@@ -187,7 +187,7 @@ def test_ros1_with_a_chunk_that_was_not_closed(tmp_path):
 
 
 def test_ros1_broken_in_the_middle(tmp_path):
-    """A broken chunk before others is an error; so is a bag that says it has an index."""
+    """A broken chunk before others is an error; so is a cut bag that claims to have an index."""
     data = ros1_bag(tmp_path / 'one.bag', chunks='BZ2').read_bytes()
     path = tmp_path / 'damaged.bag'
     begin, end = chunk_ends(data)[:2]
@@ -214,7 +214,7 @@ def split_bag(folder, storage='mcap', mode=CompressionMode.NONE):
 
 @pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
 def test_folder_without_metadata(tmp_path, storage):
-    """Its files are one bag, 2 before 10."""
+    """Its files are read as one bag, sorted by number, 2 before 10."""
     files, found = split_bag(tmp_path / 'bag', storage)
     check(tmp_path / 'bag', sum(found, []))
     with BagReader(tmp_path / 'bag') as bag:
@@ -230,7 +230,7 @@ def test_folder_without_metadata(tmp_path, storage):
 @pytest.mark.parametrize('content', [b'', b'noise', bytes(9000)])
 @pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
 def test_last_file_that_is_none(tmp_path, storage, content):
-    """A recorder dies just after it began a file: the others are read, and it's named."""
+    """If the recorder crashed just after it began a file, the notice names it; others are read."""
     files, found = split_bag(tmp_path / 'bag', storage)
     files[2].write_bytes(content)
     messages, notice = read(tmp_path / 'bag')
@@ -242,7 +242,7 @@ def test_last_file_that_is_none(tmp_path, storage, content):
 
 
 def test_last_file_without_an_end(tmp_path):
-    """It has what's whole in it, or nothing."""
+    """Its whole messages are read, if it has any."""
     files, found = split_bag(tmp_path / 'bag')
     data, sent = mcap_records(range(8, COUNT), in_chunk=1)
     for cut, count in ((sent[1][1] + 40, 2), (70, 0)):
@@ -256,14 +256,14 @@ def test_last_file_without_an_end(tmp_path):
     ('FILE', 'unpack each, as by `zstd -d bag_0.mcap.zstd -o bag_0.mcap`'),
     ('MESSAGE', 'compressed, message by message')])
 def test_compressed_without_metadata(tmp_path, mode, words):
-    """Nothing but the metadata says how; files can be unpacked."""
+    """The error says so, and how to unpack compressed files: only the metadata have the format."""
     split_bag(tmp_path / 'bag', mode=CompressionMode[mode])
     with pytest.raises(BagError, match=words):
         read(tmp_path / 'bag')
 
 
 def test_folders_that_are_no_bag(tmp_path):
-    """They have no files of one, or of two kinds."""
+    """A folder without storage files, or with those of two formats, is refused."""
     (tmp_path / 'truth.csv').touch()
     with pytest.raises(BagError, match='not a rosbag2 folder'):
         read(tmp_path)
@@ -274,7 +274,7 @@ def test_folders_that_are_no_bag(tmp_path):
 
 
 def test_database_with_a_log(tmp_path):
-    """What SQLite has not yet moved into its file isn't read, and that is told."""
+    """Messages that are still in SQLite's write-ahead log aren't read, and a notice says so."""
     path = recorded(tmp_path / 'bag', 'sqlite3') / 'bag.db3'
     (tmp_path / 'copy').mkdir()
     whole, notice = read(path)
@@ -292,7 +292,7 @@ def test_database_with_a_log(tmp_path):
 
 
 def test_metadata_are_a_promise(tmp_path):
-    """With them, a file that is cut was damaged after it was recorded."""
+    """With metadata a cut file is an error: it was damaged after it was recorded."""
     path = recorded(tmp_path / 'bag', 'mcap')
     data = (path / 'bag.mcap').read_bytes()
     (path / 'bag.mcap').write_bytes(data[:-9])
@@ -307,10 +307,10 @@ ROS1 = {}
 @given(strategies.integers(1, len(MCAP)), strategies.integers(0, len(MCAP) - 1),
        strategies.integers(0, 255))
 def test_any_cut_and_damage_of_mcap(tmp_path_factory, cut, place, value):
-    """It's read or refused."""
+    """A file with any cut and any changed byte is read, or refused with BagError."""
     path = tmp_path_factory.mktemp('any') / 'any.mcap'
     changed = bytearray(MCAP)
-    # Most bytes are pixels: more of them should be those that say what stands where.
+    # Most bytes are pixels: half of the changes are in the first 400 bytes, which have headers.
     changed[place if place % 2 else place % 400] = value
     path.write_bytes(changed[:cut])
     with suppress(BagError):
@@ -320,7 +320,7 @@ def test_any_cut_and_damage_of_mcap(tmp_path_factory, cut, place, value):
 @given(strategies.sampled_from(['NONE', 'BZ2', 'LZ4']), strategies.floats(0, 1),
        strategies.floats(0, 1), strategies.integers(0, 255))
 def test_any_cut_and_damage_of_ros1(tmp_path_factory, chunks, cut, place, value):
-    """It's read or refused."""
+    """A file with any cut and any changed byte is read, or refused with BagError."""
     if chunks not in ROS1:
         path = tmp_path_factory.mktemp('whole') / 'whole.bag'
         ROS1[chunks] = unindexed(ros1_bag(path, chunks=chunks).read_bytes())
@@ -334,7 +334,7 @@ def test_any_cut_and_damage_of_ros1(tmp_path_factory, chunks, cut, place, value)
 
 @pytest.mark.parametrize('command', ['replay', 'evaluate', 'play'])
 def test_one_warning(tmp_path, repository, capsys, command):
-    """The commands tell of it in a line, and do what they are for."""
+    """Each command warns in one line that the bag is unfinished, and succeeds."""
     path = write_short_bag(tmp_path / 'bag', repository)
     (path / 'metadata.yaml').unlink()
     words = {'replay': ['replay', str(path), '--tracker', 'dcf'],

@@ -1,4 +1,4 @@
-"""Boxes: what is one, and what isn't."""
+"""Boxes: which values are accepted, and which are refused."""
 
 from fractions import Fraction
 
@@ -10,7 +10,7 @@ from vtrack_ros.geometry import Box
 
 @pytest.mark.parametrize('number', [3, 3.0, np.float32(3), np.int64(3), np.array(3), Fraction(3)])
 def test_real_numbers(number):
-    """They're taken, and become floats."""
+    """Real numbers of any type are accepted, and become floats."""
     box = Box(number, number, number, number)
     assert box == Box(3.0, 3.0, 3.0, 3.0)
     assert {type(value) for value in vars(box).values()} == {float}
@@ -18,7 +18,7 @@ def test_real_numbers(number):
 
 @pytest.mark.parametrize('value', ['3', b'3', None, 3j, [3], np.array([3, 4])])
 def test_what_is_no_number(value):
-    """It's a TypeError that names the value, also where a float could be made of it."""
+    """It's a TypeError that names the value, even if `float` would accept it."""
     with pytest.raises(TypeError, match='box width must be a number'):
         Box(1, 2, value, 4)
 
@@ -26,7 +26,7 @@ def test_what_is_no_number(value):
 @pytest.mark.parametrize('size, words', [
     (0, 'positive'), (-1, 'positive'), (np.nan, 'finite'), (np.inf, 'finite')])
 def test_what_is_no_size(size, words):
-    """A box has an area."""
+    """A size that isn't positive and finite is refused."""
     with pytest.raises(ValueError, match=words):
         Box(1, 2, 3, size)
 

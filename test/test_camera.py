@@ -30,7 +30,7 @@ def info(**changes):
 
 def test_pinhole_ray_in_exact_numbers():
     """
-    Half a pixel is the only trap.
+    Rays are exact, and account for the half pixel between the two conventions.
 
     The middle of an image of 640 x 480 is (320, 240) as boxes count, and (319.5, 239.5) as
     camera_info does; 100 px to the right of it at fx = 500 px is x = 0.2, 80 px up at
@@ -68,7 +68,7 @@ def test_pixels_without_calibration():
 
 
 def test_units_that_cannot_be_had():
-    """Nothing rather than something else."""
+    """Units that can't be had give None, not other units."""
     box = measured(320.0, 240.0, 50.0, 40.0)
     assert locate(*box, None, 'ray') is None
     assert locate(*box, None, 'metres', width=1.0) is None
@@ -84,7 +84,7 @@ def test_covariance_of_the_ray():
 
 
 def test_covariance_in_metres_against_a_sample():
-    """To first order it's what comes out when boxes are drawn and put through the camera."""
+    """To first order it's the sample covariance of boxes that are drawn and located."""
     covariance = np.array([[.04, .01, 0, 0], [.01, .09, 0, 0], [0, 0, .0625, 0], [0, 0, 0, .01]])
     mean = np.array([420.0, 160.0, 50.0, 40.0])
     position = locate(*measured(*mean, covariance), PINHOLE, width=0.5)
@@ -104,7 +104,7 @@ def test_covariance_in_metres_against_a_sample():
     ('equidistant', (-0.02, 0.01, -0.003, 0.0005)),
 ])
 def test_distortion_is_undone(model, coefficients):
-    """The ray of where a ray falls is that ray."""
+    """The ray of a projected ray's pixel is that ray."""
     camera = Camera(500.0, 400.0, 319.5, 239.5, 640, 480, model, coefficients)
     for x in np.linspace(-0.5, 0.5, 5):
         for y in np.linspace(-0.4, 0.4, 5):
@@ -113,7 +113,7 @@ def test_distortion_is_undone(model, coefficients):
 
 @pytest.mark.parametrize('model', ['plumb_bob', 'rational_polynomial', 'equidistant'])
 def test_distortion_is_opencvs(model):
-    """The models are those that OpenCV, and so every calibration tool of ROS, means."""
+    """The distortion models are OpenCV's, and so those of every calibration tool of ROS."""
     import cv2
     coefficients = {'plumb_bob': (-0.3, 0.1, 0.001, -0.0005, -0.02),
                     'rational_polynomial': (0.5, -0.1, 0.001, 0.0005, 0.01, 0.8, -0.05, 0.02),
@@ -129,7 +129,7 @@ def test_distortion_is_opencvs(model):
 
 
 def test_depth_through_a_distorting_lens():
-    """A target at the border, drawn through the lens, comes out where it was."""
+    """A target at the border, projected through the lens, is located where it was."""
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480, 'plumb_bob', (-0.3, 0.1, 0.0, 0.0))
     left, right = camera.project(1.0 / 4, 0.5 / 4), camera.project(1.6 / 4, 0.5 / 4)
     width = right[0] - left[0]
@@ -160,7 +160,7 @@ def test_from_message_with_binning_and_region():
     ({'d': [math.inf] * 5}, 'finite'),
 ])
 def test_wrong_calibration(changes, words):
-    """A calibration that says nothing is refused with the reason."""
+    """An invalid calibration is refused with the reason."""
     with pytest.raises(ValueError, match=words):
         camera_from_info(info(**changes))
 
@@ -187,7 +187,7 @@ def test_covariance_is_the_derivative_of_the_place(coefficients, size):
 
 
 def test_a_box_that_no_ray_sees():
-    """Beyond the reach of the lens model there is no place, rather than a wrong one."""
+    """Beyond the range of the lens model the position is None, rather than a wrong one."""
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480, 'plumb_bob', (-0.3, 0.0, 0.0, 0.0))
     # r (1 - 0.3 r^2) is at most 0.703, at r = 1.054: nothing is farther than 351 px out.
     assert all(map(math.isnan, camera.ray(320.0 + 360.0, 240.0)))
@@ -199,7 +199,7 @@ def test_a_box_that_no_ray_sees():
 @pytest.mark.parametrize('units', ['ray', 'metres'])
 @pytest.mark.parametrize('focal', [3e183, 1e-200])
 def test_there_is_no_place_without_a_covariance(units, focal):
-    """A focal length beyond all reason makes no numbers that aren't finite, and no warnings."""
+    """An absurd focal length gives neither numbers that aren't finite nor warnings."""
     camera = Camera(focal, 5.8, 100.0, -7.0, 7, 1)
     position = locate(Box(1000, 700, 20, 30), np.eye(4), camera, units, 0.2)
     assert position is None or (np.isfinite(position.point).all()
@@ -207,12 +207,12 @@ def test_there_is_no_place_without_a_covariance(units, focal):
 
 
 def located(camera, **arguments):
-    """Return what locates boxes that are known exactly."""
+    """Return a function that locates boxes of zero covariance."""
     return lambda box: locate(box, np.zeros((4, 4)), camera, **arguments)
 
 
 def test_velocity_in_pixels():
-    """Per second, as it is; its covariance is that of the centre's velocity, and z = 0."""
+    """It's the centre's velocity with its covariance, and z = 0."""
     covariance = np.diag(np.arange(1.0, 9.0))
     velocity, spread = locate_velocity(
         located(None), Box(1, 2, 30, 40), np.array([5.0, -6.0, 7.0, 8.0]), covariance)
@@ -231,7 +231,7 @@ def test_velocity_in_metres_in_exact_numbers():
 
 @pytest.mark.parametrize('width', [0.0, 0.5])
 def test_velocity_covariance_against_a_sample(width):
-    """Through a distorting lens, of errors in box and velocity that belong together."""
+    """It's that of a sample, through a distorting lens, with correlated errors of both."""
     rng = np.random.default_rng(2)
     camera = Camera(500.0, 400.0, 319.5, 239.5, 640, 480, 'plumb_bob',
                     (-0.2, 0.05, 0.001, -0.002, 0.0))

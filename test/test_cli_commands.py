@@ -1,4 +1,4 @@
-"""The command line: what it makes, and what it says to wrong arguments."""
+"""The command line: what it makes, and its errors for wrong arguments."""
 
 import io
 import os
@@ -21,7 +21,7 @@ COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate', 'doctor', 'layout',
 
 
 def complaint(arguments, capsys):
-    """Run a command line that is wrong; return what it says."""
+    """Run a wrong command line; return its only line of output."""
     code = main([str(argument) for argument in arguments])
     printed = capsys.readouterr()
     assert code == 2, printed.err
@@ -48,7 +48,7 @@ def test_help(capsys):
 @pytest.mark.parametrize('line, words', [
     ('vtrack re', {'replay'}), ('vtrack synth --f', {'--frames', '--format'})])
 def test_completion(tmp_path, line, words):
-    """A shell with argcomplete is told commands and options."""
+    """Argcomplete offers commands and options to the shell."""
     pytest.importorskip('argcomplete', reason='needs argcomplete')
     subprocess.run(
         [sys.executable, '-m', 'vtrack_ros.cli.command_line'], check=True, env={
@@ -59,14 +59,14 @@ def test_completion(tmp_path, line, words):
 
 
 def test_help_needs_no_heavy_import():
-    """The overview comes without NumPy, OpenCV or rosbags."""
+    """The overview imports none of NumPy, OpenCV, rosbags and rclpy."""
     code = ('import sys; from vtrack_ros.cli.command_line import main; main(["--help"]); '
             'sys.exit(bool({"numpy", "cv2", "rosbags", "rclpy"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
 
 
 def test_one_thread():
-    """Commands compute as the node does, in one thread, before NumPy is loaded."""
+    """Commands compute in one thread, as the node does, which is set before NumPy is loaded."""
     code = ('import os; from vtrack_ros.cli.command_line import main; main(["synth", "--list"]); '
             'from threadpoolctl import threadpool_info; '
             'print({pool["num_threads"] for pool in threadpool_info() '
@@ -78,7 +78,7 @@ def test_one_thread():
 
 
 def test_the_node_needs_none_of_the_tools():
-    """What it imports holds neither the tools nor the libraries that they alone use."""
+    """The node imports neither the tools nor the libraries that only they use."""
     code = 'import sys; import vtrack_ros.ros.main, vtrack_ros.ros.lifecycle; print(*sys.modules)'
     modules = set(subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
                                  check=True).stdout.split())
@@ -132,7 +132,7 @@ def test_wrong_arguments(arguments, words, tmp_path, monkeypatch, capsys):
 
 
 def test_wrong_bags(tmp_path, repository: Path, capsys):
-    """A bag without truth, and one with two image topics, need to be told more."""
+    """A bag with two image topics asks for --topic, one without truth for --init."""
     picture = np.zeros((20, 30, 3), np.uint8)
     with BagWriter(tmp_path / 'two') as writer:
         for topic in ('/left', '/right'):
@@ -145,7 +145,7 @@ def test_wrong_bags(tmp_path, repository: Path, capsys):
 
 
 def test_import_to_no_topic(tmp_path, capsys):
-    """A name that ROS doesn't take is refused before anything is written."""
+    """A topic name that ROS doesn't accept is refused before anything is written."""
     cv2 = pytest.importorskip('cv2')
     cv2.imwrite(str(tmp_path / '1.png'), np.zeros((4, 4, 3), np.uint8))
     arguments = ['import', tmp_path, '--out', tmp_path / 'bag', '--topic', '1st']
@@ -164,7 +164,7 @@ def test_list(capsys):
 @pytest.mark.parametrize('options, storage', [
     ([], '.mcap'), (['--format', 'sqlite3'], '.db3'), (['--compress', 'png'], '.mcap')])
 def test_synth(tmp_path, options, storage, capsys):
-    """The bag has the scene's frames at the rate, and its truth; twice the same bytes."""
+    """The bag has the scene's frames at the rate, and its truth; two runs write the same bytes."""
     for name in ('one', 'two'):
         assert main(['synth', 'face_fast', '--out', str(tmp_path / name), '--frames', '5',
                      '--rate', '50', '--seed', '2', '--size', '80x60', *options]) == 0
@@ -183,7 +183,7 @@ def test_synth(tmp_path, options, storage, capsys):
 
 
 def test_existing_bag_is_kept(tmp_path, capsys):
-    """A second time, the path is refused."""
+    """A path that exists is refused."""
     arguments = ['synth', 'face_fast', '--frames', '1', '--out', str(tmp_path / 'bag')]
     assert main(arguments) == 0
     capsys.readouterr()
@@ -192,14 +192,14 @@ def test_existing_bag_is_kept(tmp_path, capsys):
 
 
 def test_parameters_are_listed(capsys):
-    """With default, range and description."""
+    """Each one is listed with its default, range and description."""
     assert main(['replay', '-', '--tracker', 'pf', '--list-parameters']) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith('particles = ') and 'integer from' in line for line in lines)
 
 
 def test_a_box_may_begin_with_a_minus(repository, tmp_path, capsys):
-    """A target that reaches beyond the left border needs no other spelling."""
+    """A negative number after --init is accepted, with or without an equals sign."""
     results, bag = [], write_short_bag(tmp_path / 'short', repository)
     for box in (['--init', '-10,5,40,30'], ['--init=-10,5,40,30']):
         assert main(['replay', str(bag), '--tracker', 'pf', '--out',
@@ -210,7 +210,7 @@ def test_a_box_may_begin_with_a_minus(repository, tmp_path, capsys):
 
 
 def test_a_parameter_may_have_its_node_name(repository, tmp_path, capsys):
-    """Configuration files say pf.particles, and so may --set."""
+    """--set takes a parameter's name with the tracker's prefix, as in the node, or without it."""
     results, bag = [], write_short_bag(tmp_path / 'short', repository)
     for name in ('pf.particles', 'particles'):
         assert main(['replay', str(bag), '--tracker', 'pf', '--set',
@@ -221,7 +221,7 @@ def test_a_parameter_may_have_its_node_name(repository, tmp_path, capsys):
 
 
 def test_places_that_cannot_be(repository, tmp_path, capsys):
-    """Errors of the system come in words that say where."""
+    """The path is named in the error, in words instead of an errno."""
     bag = str(repository / 'bags' / 'face_fast')
     (tmp_path / 'file').write_text('mine')
     for arguments in (
@@ -245,21 +245,21 @@ def command(*arguments, **options):
 
 
 def test_interrupted(tmp_path):
-    """Ctrl-C: 130, no traceback, no half bag."""
+    """Ctrl-C: exit code 130, no traceback, no partial bag."""
     process = command('synth', 'face_fast', '--frames', '100000', '--out', str(tmp_path / 'bag'),
                       start_new_session=True)
-    # The first line of progress says that it's in the midst of it.
+    # The first line of progress shows that it's running.
     assert 'frames' in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     assert 'Traceback' not in process.communicate(timeout=30)[1]
-    # Where it comes in the midst of code that a library executes from a string, Python ends itself
-    # by the signal, though KeyboardInterrupt was caught: a shell says 130 of both.
+    # If it interrupts code that a library executes from a string, Python ends itself by the
+    # signal, though KeyboardInterrupt was caught: a shell reports 130 for both.
     assert process.returncode in (130, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_interrupted_at_the_first_line_of_progress(monkeypatch):
-    """A Ctrl-C that comes while the bar is being built isn't lost, and leaves no half bar."""
+    """A Ctrl-C while the bar is being created isn't lost, and leaves no partial bar."""
     class Terminal(io.StringIO):
 
         def write(self, text):
@@ -278,7 +278,7 @@ def test_interrupted_at_the_first_line_of_progress(monkeypatch):
 
 
 def test_closed_pipe():
-    """A reader that goes away is no reason for a traceback."""
+    """When the reader closes the pipe, it ends with code 141, without a traceback."""
     read, write = os.pipe()
     os.close(read)
     process = command('synth', '--list', stdout=write)

@@ -37,7 +37,7 @@ def demo(repository, *arguments):
 
 def test_face_fast(repository, tmp_path):
     """The face is tracked, the figures add up, and the pictures are there."""
-    # A face that's lost when frames are: slowly enough for a busy machine.
+    # Slowly enough for a busy machine: the face would be lost with dropped frames.
     run = demo(repository, '--out', tmp_path, '--json', tmp_path / 'figures.json', '--rate', 0.2)
     assert run.returncode == 0, run.stdout + run.stderr
     figures = json.loads((tmp_path / 'figures.json').read_text())
@@ -69,17 +69,17 @@ def test_interrupted(repository, tmp_path, number):
     os.killpg(process.pid, number)
     errors = process.communicate(timeout=60)[1]
     assert 'Traceback' not in errors, errors
-    # By the signal itself where it comes in the midst of code from a string: 130 in a shell, too.
+    # Ended by the signal itself where it interrupts code from a string: 130 in a shell, too.
     assert process.returncode in (130, -number)
     assert not list(tmp_path.glob('*.mp4')) and not list(tmp_path.glob('*.png'))
     with pytest.raises(ProcessLookupError):
         os.killpg(process.pid, 0)
-    # How each process ended is in the errors, if it didn't end well.
+    # The errors say how each process ended that didn't end cleanly.
     assert shared and not any(one.exists() for one in shared), errors
 
 
 def test_interrupted_while_it_loads(repository, tmp_path):
-    """Ctrl-C before anything began is no other."""
+    """Ctrl-C during the imports has the same effect: 130, and no traceback."""
     code = ('import signal, sys\n'
             'class Finder:\n'
             '    def find_spec(self, name, *_):\n'
@@ -95,7 +95,7 @@ def test_interrupted_while_it_loads(repository, tmp_path):
 
 
 def test_place_that_cannot_be(repository, tmp_path, capsys):
-    """Pictures can't go into a file, and that's said before anything runs."""
+    """An output path that is a file is refused in one line, before anything runs."""
     (tmp_path / 'file').write_text('mine')
     assert main(['--out', str(tmp_path / 'file'),
                  '--bag', str(repository / 'bags' / 'face_fast')]) == 2
@@ -105,7 +105,7 @@ def test_place_that_cannot_be(repository, tmp_path, capsys):
 
 
 def test_untracked_target_is_a_failure(repository, tmp_path, capsys):
-    """Whoever is told to follow something else than the target fails."""
+    """If the initial box is off the target, the demo fails."""
     bag = write_short_bag(tmp_path / 'bag', repository)
     assert main(['--bag', str(bag), '--out', str(tmp_path / 'out'),
                  '--init-box', '100,70,20,20']) == 1
@@ -130,12 +130,12 @@ def test_wrong_arguments(tmp_path, arguments, words, capsys):
 
 
 def estimate(*box):
-    """Return a measured target."""
+    """Return the estimate of a tracked target."""
     return Estimate(Box(*box), 0.0, np.eye(4), 1.0, TrackState.TRACKING)
 
 
 def test_summary_accounts_for_every_frame():
-    """Sent, answered, tracked and dropped add up; misses count as no overlap."""
+    """Sent, answered, tracked and dropped add up; a missed target has overlap 0."""
     truth = {1: Box(0, 0, 10, 10), 2: Box(0, 0, 10, 10), 3: None, 4: Box(0, 0, 10, 10)}
     answers = {
         1: Answer(2_000_005, estimate(0, 0, 10, 10), milliseconds=2.0, sent=1_000_005),
@@ -162,11 +162,11 @@ def test_summary_without_truth():
 @pytest.mark.parametrize('end', [
     lambda process: os.killpg(process.pid, signal.SIGINT), subprocess.Popen.terminate,
     lambda process: os.killpg(process.pid, signal.SIGHUP),
-    # As `timeout` does, which tells its child and then the whole group.
+    # As `timeout` does, which signals its child and then the whole group.
     lambda process: [process.send_signal(number) for number in (signal.SIGTERM, signal.SIGHUP)]],
     ids=['Ctrl-C', 'terminated', 'closed', 'told twice'])
 def test_camera(repository, tmp_path, end):
-    """Where there is no camera a scene is shown; the page has its pictures; its end is all's."""
+    """Without a camera a scene is shown on the page; all processes end, with no memory left."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo', '--camera', '999', '--no-browser', '--out',
          str(tmp_path)], cwd=repository, env=dict(os.environ), stdout=subprocess.PIPE,
@@ -187,12 +187,12 @@ def test_camera(repository, tmp_path, end):
         with pytest.raises(ProcessLookupError):
             os.killpg(process.pid, 0)
     finally:
-        # who is left would answer the images of other tests
+        # a process that is left would answer the images of other tests
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert process.returncode == 0 and 'Traceback' not in output, output
-    # How each process ended is in the output, if it didn't end well.
+    # The output says how each process ended that didn't end cleanly.
     assert shared and not any(one.exists() for one in shared), output
 
 
@@ -208,7 +208,7 @@ def video(tmp_path):
 
 
 def test_video_as_camera(tmp_path, video):
-    """A video's images come again and again; what is no video says so."""
+    """A video's images are repeated; a missing file, or one that's no video, is an error."""
     seen = [round(float(image.mean()), -1) for image in itertools.islice(
         images(str(video)), 5)]
     assert seen == [40, 200, 40, 200, 40]
@@ -220,7 +220,7 @@ def test_video_as_camera(tmp_path, video):
 
 @pytest.fixture
 def camera(video):
-    """Start a camera that shows a video; it has begun."""
+    """Start a camera that shows a video; yield its process once it's running."""
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo.camera_source', str(video)], env=dict(os.environ),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
@@ -235,14 +235,14 @@ def camera(video):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'terminated'])
 def test_a_camera_ends_without_a_word(camera, number):
-    """A camera is told to end by its terminal or by the demo: 0, and no traceback."""
+    """A camera that its terminal or the demo ends has code 0 and prints nothing."""
     camera.send_signal(number)
     assert camera.communicate(timeout=60)[0] == ''
     assert camera.returncode == 0
 
 
 def test_a_camera_that_is_gone_is_said_so(camera, video):
-    """As when its plug is pulled: in a line, and no traceback."""
+    """A camera that disappears, as when it's unplugged, is reported in one line, with code 2."""
     video.unlink()
     assert camera.communicate(timeout=60)[0] == f'camera: {video} does not exist\n'
     assert camera.returncode == 2

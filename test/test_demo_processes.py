@@ -1,4 +1,4 @@
-"""The demo's processes: how they end, and what is said of it."""
+"""The demo's processes: how they end, and what is reported."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ from vtrack_ros.demo.processes import Child, DemoError, end_all
 
 @pytest.fixture
 def child(tmp_path, monkeypatch):
-    """Return a maker of children that run code, and have said that they do."""
+    """Return a function that starts a child with some code, and waits until that runs."""
     monkeypatch.setenv('PYTHONPATH', str(tmp_path))
 
     def make(code):
@@ -27,20 +27,20 @@ def child(tmp_path, monkeypatch):
 
 
 def test_children_that_end_well_are_not_spoken_of(child, capsys):
-    """Who ends by the signal, or cleanly when told to, is no news."""
+    """A child that ends by SIGTERM, or cleanly after it, isn't reported."""
     end_all([child(''), child('signal.signal(signal.SIGTERM, lambda *_: os._exit(0))\n')])
     assert capsys.readouterr().err == ''
 
 
 def test_a_crash_at_the_end_is_said(child, capsys):
-    """Who crashes when told to end is named, with the code and its words."""
+    """A child that crashes at SIGTERM is reported, with its exit code and its log."""
     end_all([child('signal.signal(signal.SIGTERM, lambda *_: os.abort())\n')])
     error = capsys.readouterr().err
     assert f'the worker ended with code {-signal.SIGABRT}:\nhere' in error
 
 
 def test_who_does_not_listen_is_killed_and_named(child, capsys, monkeypatch):
-    """Who doesn't end is killed after a while, and that is said."""
+    """A child that ignores SIGTERM is killed after a time-out, and reported."""
     monkeypatch.setattr(processes, 'LAST_WORDS', 0.2)
     deaf = child('signal.signal(signal.SIGTERM, signal.SIG_IGN)\n')
     end_all([deaf])
@@ -49,7 +49,7 @@ def test_who_does_not_listen_is_killed_and_named(child, capsys, monkeypatch):
 
 
 def test_a_failure_is_said_once(child, capsys):
-    """What `check` raised is not told again."""
+    """A failure that `check` has raised isn't reported again."""
     broken = child('raise SystemExit(3)\n')
     with pytest.raises(DemoError, match='ended with code 3'):
         broken.check()

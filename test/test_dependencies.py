@@ -1,4 +1,4 @@
-"""What the package brings with it: consistent, free to use, and without known holes."""
+"""The package's dependencies: consistent, free to use, and without known vulnerabilities."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ pytestmark = pytest.mark.lint
 
 #: What a user installs: the library, the tools, the page, and ROS from PyPI.
 FILES = ('run.txt', 'tools.txt', 'select.txt', 'ros.txt')
-#: Words of the licences under which a package under Apache-2.0 may use another one.
+#: Words in the licences of packages that one under Apache-2.0 may use.
 FREE = re.compile(r'any-osi|apache|bsd|hpnd|isc\b|mit\b|mozilla|mpl|psf|python software|'
                   r'unlicense|zlib|permission is hereby granted', re.IGNORECASE)
-#: Wheels that say nothing of it: eProsima's, under Apache-2.0, and those that only list others.
+#: Wheels that don't state a licence: eProsima's, under Apache-2.0, and metapackages.
 SILENT = re.compile('ros-fastcdr|ros-fastrtps|ros-jazzy-.*')
-#: A release with holes that everybody knows (CVE-2024-22195 and others).
+#: A release with known vulnerabilities (CVE-2024-22195 and others), to test the database.
 KNOWN = 'jinja2==3.1.2'
 
 
 @pytest.fixture(scope='module')
 def installed(repository: Path) -> dict[str, str]:
-    """Return name -> version of all that the package needs, and of what that needs in turn."""
+    """Return name -> version of all dependencies of the package, direct and indirect."""
     waiting = [Requirement(line) for name in FILES
                for line in (repository / 'requirements' / name).read_text().splitlines()
                if line and not line.startswith('#')]
@@ -59,7 +59,7 @@ def test_licences_are_compatible(installed: dict[str, str]) -> None:
 
 
 def licence(name: str) -> str:
-    """Return what a distribution says of its licence, in its metadata or beside it."""
+    """Return what a distribution states of its licence, in its metadata or in its files."""
     one = distribution(name)
     said = one.metadata
     texts = [said.get('License-Expression', ''), (said.get('License') or '')[:200],
@@ -73,7 +73,7 @@ def licence(name: str) -> str:
 
 
 def test_no_known_vulnerability(installed: dict[str, str], tmp_path: Path) -> None:
-    """The Python Packaging Advisory Database has nothing on what is installed."""
+    """The Python Packaging Advisory Database has no vulnerability of what is installed."""
     if not audited([KNOWN], tmp_path):
         pytest.skip('the database of advisories cannot be reached, or is not whole')
     holes = audited([f'{name}=={version}' for name, version in installed.items()], tmp_path)
@@ -81,7 +81,7 @@ def test_no_known_vulnerability(installed: dict[str, str], tmp_path: Path) -> No
 
 
 def audited(pinned: list[str], folder: Path) -> list[str]:
-    """Return what pip-audit has found on pinned releases."""
+    """Return the vulnerabilities that pip-audit finds in pinned releases."""
     path = folder / 'pinned.txt'
     path.write_text('\n'.join(pinned) + '\n')
     run = subprocess.run(

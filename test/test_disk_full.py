@@ -1,4 +1,4 @@
-"""A disk that is full: it's said where, and nothing half-written stays or replaces anything."""
+"""A full disk: the error says where, and no partial file is left or replaces anything."""
 
 from contextlib import contextmanager
 import resource
@@ -14,7 +14,7 @@ from vtrack_ros.cli.command_line import main  # noqa: E402
 
 @contextmanager
 def files_of(size):
-    """Let no file grow beyond so many bytes: the system refuses the rest, as on a full disk."""
+    """Limit the size of every file, in bytes: the system refuses the rest, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:

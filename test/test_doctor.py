@@ -1,4 +1,4 @@
-"""`vtrack doctor`: what it says of real publishers, and without ROS."""
+"""`vtrack doctor`: what it reports of real publishers, and without ROS."""
 
 import os
 import subprocess
@@ -15,7 +15,7 @@ from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import abandoned_memory, profile_path, SHARED_MEMORY, VARIABLES, with_profile
 
 #: A camera that sends images in colour, best effort, 30 a second, until it is ended. They're
-#: large: of VGA ones all may arrive, if they're read as fast as a socket's buffer fills.
+#: large: all VGA images may arrive, if they're read as fast as a socket's buffer fills.
 CAMERA = END_WITH_PARENT + """
 import time
 import rclpy
@@ -53,7 +53,7 @@ def starting(found, text):
 
 
 def test_without_ros(monkeypatch, capsys):
-    """It says what there is, what isn't, and how to get it."""
+    """It lists what is installed, what is missing, and how to install it."""
     for name in ('rclpy', 'aiohttp'):
         monkeypatch.setitem(sys.modules, name, None)
     code, found = lines(capsys)
@@ -69,7 +69,7 @@ def test_without_ros(monkeypatch, capsys):
     (str(profile_path()), 'ok    the Fast DDS profile is'),
     (__file__, f'note  the Fast DDS profile is {__file__}, not')])
 def test_profile(monkeypatch, capsys, value, words):
-    """The profile of the environment, which is set, missing, ours or another."""
+    """It reports whether the environment's profile is unset, missing, ours or another."""
     for name in VARIABLES:
         monkeypatch.setenv(name, value)
     code, found = lines(capsys, '--seconds', '0')
@@ -79,7 +79,7 @@ def test_profile(monkeypatch, capsys, value, words):
 
 
 def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
-    """Killed, a process leaves its segment of 64 MiB; that of one that runs is none of these."""
+    """The 64 MiB segment of a killed process is reported; that of a running process isn't."""
     camera = subprocess.Popen(
         [sys.executable, '-c', END_WITH_PARENT + IDLE],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=with_profile(os.environ))
@@ -105,7 +105,7 @@ def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
 
 
 def test_middleware_that_is_not_there(monkeypatch, capsys):
-    """It's named, with what to do, where ROS alone would end the process."""
+    """It's named, with a remedy, where ROS alone would end the process."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nothing_cpp')
     code, found = lines(capsys)
     assert code == 1 and starting(found, 'wrong the middleware rmw_nothing_cpp')
@@ -113,7 +113,7 @@ def test_middleware_that_is_not_there(monkeypatch, capsys):
 
 
 def test_topics(capsys):
-    """A small image arrives; who asks for reliable ones gets none; who is silent is named."""
+    """An arriving image, a reliable subscriber without any, and a silent topic are reported."""
     frame = image_message(Scene().frame(0), 10**9)
     done = threading.Event()
     with Client('/camera/driver', reliability='BEST_EFFORT', topic='image_raw') as client:
@@ -136,12 +136,12 @@ def test_topics(capsys):
     assert line.endswith('lost')
     assert '/client gets nothing from /client' in starting(found, 'wrong /camera/image_raw')
     assert 'no image came' in starting(found, 'wrong /silent')
-    # What a tracker draws, for who watches, is no camera.
+    # A tracker's debug image, for viewers, is no camera.
     assert not any('debug_image' in line for line in found)
 
 
 def test_lost_images(capsys):
-    """Without the profile large images are lost, on a busy machine all; it says what to do."""
+    """Without the profile large images are lost, on a busy machine all; the remedy is given."""
     environment = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     camera = subprocess.Popen([sys.executable, '-c', CAMERA], env=environment)
     try:

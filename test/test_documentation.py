@@ -21,7 +21,7 @@ from vtrack_ros.scenes import render
 
 @pytest.fixture(scope='module')
 def examples(repository: Path) -> dict[str, object]:
-    """Return the names that the examples of adding something define, and what they printed."""
+    """Return the names that the examples of adding_a_tracker.md define, and what they printed."""
     text = (repository / 'docs' / 'adding_a_tracker.md').read_text()
     names: dict[str, object] = {}
     with redirect_stdout(io.StringIO()) as output:
@@ -54,7 +54,7 @@ def test_example_cue(examples):
 
 
 def test_example_files(repository):
-    """What a page shows of an example's file is the file, of fewer than 60 lines in all."""
+    """The page shows the example's files as they are; they have fewer than 60 lines in all."""
     page = (repository / 'docs' / 'adding_a_tracker.md').read_text()
     texts = [(repository / 'docs' / 'examples' / 'steady_tracker' / name).read_text()
              for name in ('steady_tracker.py', 'pyproject.toml')]
@@ -63,7 +63,7 @@ def test_example_files(repository):
 
 
 def test_yolo_detections(repository):
-    """The example makes vision_msgs of the fields that yolo_msgs has, and is on its page."""
+    """The example converts yolo_msgs to vision_msgs, and its page shows it as it is."""
     text = (repository / 'docs' / 'examples' / 'yolo_detections.py').read_text()
     assert f'```python\n{text}```' in (repository / 'docs' / 'detector.md').read_text()
     names: dict[str, Any] = {'__name__': 'example'}
@@ -79,7 +79,7 @@ def test_yolo_detections(repository):
 
 
 def test_readme_example(repository):
-    """What README shows of Python starts a tracker and follows the target."""
+    """The Python example in README starts a tracker and follows the target."""
     text = (repository / 'README.md').read_text()
     [block] = re.findall(r'(?:^    (?:from|tracker|estimate) .*\n|^    tracker\..*\n)+', text,
                          re.MULTILINE)
@@ -93,7 +93,7 @@ def test_readme_example(repository):
 
 
 def test_links(repository):
-    """Every link to a file of the repository has one, at its end."""
+    """Every link to a file of the repository is to one that exists."""
     pages = [*repository.glob('*.md'), *(repository / 'docs').rglob('*.md')]
     for page in pages:
         for link in re.findall(r'\]\(([^)#:]+)(?:#[^)]*)?\)', page.read_text()):
@@ -101,7 +101,7 @@ def test_links(repository):
 
 
 def test_decisions(repository):
-    """A number names one decision, and those that are referred to are there."""
+    """Decisions have unique numbers, and those that are referred to exist."""
     text = (repository / 'docs' / 'decisions.md').read_text()
     numbers = re.findall(r'^### (\d+)\. ', text, re.MULTILINE)
     assert len(set(numbers)) == len(numbers)

@@ -1,4 +1,4 @@
-"""Every command of the documentation: it can be called so, on what there is."""
+"""Every command of the documentation is valid: its options, names, values and files exist."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def check_ros2(verb: str, words: list[str]) -> None:
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
 def test_commands(page):
-    """Options, names, types and values are those that there are; files exist."""
+    """Options, names, types and values are valid; files exist."""
     for words in commands(page):
         program = words[0].removeprefix('./')
         if program == 'vtrack':
@@ -74,13 +74,13 @@ def test_commands(page):
 
 
 def test_commands_are_found():
-    """Pages have as many as one sees in them."""
+    """On three of the pages at least the known number of commands is found."""
     counts = {page.name: len(list(commands(page))) for page in PAGES}
     assert counts['node.md'] >= 9 and counts['bags.md'] >= 14 and counts['start.md'] >= 14
 
 
 def test_what_is_left():
-    """What benchmarks/documented_commands.py doesn't run names a test that there is."""
+    """The reasons why benchmarks/documented_commands.py leaves some out name tests that exist."""
     reasons = ' '.join((*OTHERS.values(), *LEFT.values(), *EXAMPLES_LEFT.values()))
     for name in re.findall(r'\S+\.py', reasons):
         assert list(REPOSITORY.glob(name if '/' in name else f'test/{name}')), name

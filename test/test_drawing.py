@@ -10,7 +10,7 @@ from vtrack_ros.drawing import AnnotatedFrame, Film
 @pytest.mark.parametrize('shade', [0, 120, 255])
 @pytest.mark.parametrize('text', ['8', '12  searching 0.87', 'W' * 30])
 def test_text_is_as_wide_as_its_outline(shade, text):
-    """White letters are there whole, with a black edge of a pixel close about them."""
+    """White letters are complete, with a black outline of one pixel, and nothing else changes."""
     canvas = AnnotatedFrame(np.full((40, 500, 3), shade, np.uint8), enlarge=False)
     canvas.text(text)
     picture = canvas.picture.astype(int)
@@ -24,7 +24,7 @@ def test_text_is_as_wide_as_its_outline(shade, text):
 
 
 def test_pictures_of_several_sizes(tmp_path):
-    """They are fitted into the first one's, in the video and on the sheet."""
+    """They are fitted to the size of the first one, in the video and on the sheet."""
     with Film(tmp_path, 10, 6) as film:
         for index in range(6):
             shape = (60, 80, 3) if index % 2 else (48, 64, 3)
@@ -39,12 +39,12 @@ def test_pictures_of_several_sizes(tmp_path):
 
 @pytest.mark.parametrize('shape', [(3000, 2), (2, 3000, 3), (1, 1)])
 def test_a_sliver_is_drawn_no_larger_than_it_has_to_be(shape):
-    """It's enlarged by its longer side, or a narrow column would take gigabytes."""
+    """It's enlarged by its longer side; by the other one a narrow column would take gigabytes."""
     assert max(AnnotatedFrame(np.zeros(shape, np.uint8)).picture.shape) == max(480, *shape)
 
 
 def test_half_a_video_is_none(tmp_path):
-    """After an error, no video is left that looks like a whole one."""
+    """After an error no partial video is left."""
     with pytest.raises(KeyboardInterrupt), Film(tmp_path, 10, 6) as film:
         film.add(np.zeros((48, 64, 3), np.uint8), 'waiting')
         raise KeyboardInterrupt

@@ -8,7 +8,7 @@ import pytest
 from vtrack_ros.geometry.ellipse import (
     axes_of_bandwidth, bounded, bounds_of_bandwidth, SIGMA, square_root, turned)
 
-#: The mean of the axes 10 and 5.
+#: Geometric mean of the axes 10 and 5.
 FIRST = math.sqrt(50)
 
 
@@ -31,7 +31,7 @@ def test_axes_and_angle_come_back(major, minor, angle):
     (np.diag([20.0, 12.0]), math.sqrt(240), 5 / 3), (np.diag([200.0, 80.0]), 4 * FIRST, 2.5),
     (np.diag([1.0, 2.0]), FIRST / 2, 2.0), (np.array([[0.0, -1.0], [50.0, 0.0]]), FIRST, 4.0)])
 def test_a_frame_stays_within_bounds_about_the_first_one(frame, mean, ratio):
-    """Its axes' mean from half to four times the first one's, their ratio up to twice that one."""
+    """The axes' geometric mean is 0.5 to 4 times the first's, their ratio up to twice that."""
     axes = np.linalg.svd(bounded(frame, np.diag([10.0, 5.0]), (0.5, 4.0), 2.0))[1]
     assert (math.sqrt(math.prod(axes)), axes[0] / axes[1]) == pytest.approx((mean, ratio))
 
@@ -56,7 +56,7 @@ def test_the_bound_touches_a_rotated_ellipse():
 
 
 def test_an_angle_is_taken_near_the_previous_one():
-    """Half turns are the same ellipse, so that an angle can grow beyond a quarter turn."""
+    """Half turns, which leave an ellipse as it is, are added, so that an angle can grow on."""
     assert turned(-1.5, 1.6) == pytest.approx(-1.5 + math.pi)
     assert turned(0.2, 6.3) == pytest.approx(0.2 + 2 * math.pi)
     assert turned(0.2, 0.1) == pytest.approx(0.2)

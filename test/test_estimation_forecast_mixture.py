@@ -1,4 +1,4 @@
-"""Forecasts that are believed as far as they foretold lately."""
+"""Forecasts that are weighted by their recent errors."""
 
 import math
 
@@ -9,7 +9,7 @@ from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 
 
 def taught(path, forecast, frames=40):
-    """Return a mixture that has seen a path, with one forecast beside that of staying."""
+    """Return a mixture updated along a path with two forecasts, and the next two forecasts."""
     mixture, place = ForecastMixture(), path(0)
     for frame in range(1, frames):
         found = path(frame)
@@ -19,12 +19,12 @@ def taught(path, forecast, frames=40):
 
 
 def onwards(place):
-    """Expect a step to the right."""
+    """Forecast a step of 0.4 to the right."""
     return place[0] + 0.4, place[1]
 
 
 def test_a_moving_target_is_expected_further_on():
-    """The forecast that was right has a mean error next to nothing."""
+    """The right forecast is the best, with a mean error below 0.01; that of staying is a step."""
     mixture, forecasts = taught(lambda frame: (0.4 * frame, 0.0), onwards)
     assert mixture.best(forecasts) == 'other'
     assert mixture.error('other') < 0.01
@@ -32,19 +32,19 @@ def test_a_moving_target_is_expected_further_on():
 
 
 def test_a_resting_target_is_expected_to_stay():
-    """Nothing is forecast for the sake of forecasting."""
+    """For a resting target the best forecast is staying."""
     mixture, forecasts = taught(lambda frame: (3.0, 0.0), onwards)
     assert mixture.best(forecasts) == STAYING
 
 
 def test_it_learns_anew_when_the_target_stops():
-    """What helped before the stop doesn't after it."""
+    """After the target has stopped, the best forecast is staying."""
     mixture, forecasts = taught(lambda frame: (0.4 * min(frame, 20), 0.0), onwards, 60)
     assert mixture.best(forecasts) == STAYING
 
 
 def test_places_near_the_better_forecast_are_more_probable():
-    """At it the density is highest; far away a dart off is improbable, and not impossible."""
+    """The density is highest at the forecast and falls with distance, to more than exp(-12)."""
     mixture, forecasts = taught(lambda frame: (0.4 * frame, 0.0), onwards)
     at = np.array(forecasts['other'])
     places = at + np.array([[0.0, 0.0], [0.2, 0.0], [1.0, 0.0], [30.0, 0.0]])
@@ -54,7 +54,7 @@ def test_places_near_the_better_forecast_are_more_probable():
 
 
 def test_far_away_it_falls_as_a_cauchy_density_of_the_plane():
-    """With the cube of the distance: what falls with its square isn't a density in two axes."""
+    """It falls with the cube of the distance: with its square it isn't a density in the plane."""
     mixture, forecasts = taught(lambda frame: (3.0, 0.0), onwards)
     near, far = mixture.log_density(
         np.array([[103.0, 0.0], [1003.0, 0.0]]), {STAYING: forecasts[STAYING]}, 1.0, 1.0)
@@ -62,7 +62,7 @@ def test_far_away_it_falls_as_a_cauchy_density_of_the_plane():
 
 
 def test_in_the_first_frames_a_target_may_go_anywhere_near():
-    """How it moves isn't known then: what is a side away is the less probable the later it is."""
+    """As the motion is unknown, the density is wide at first, and narrows from frame to frame."""
     mixture, forecasts = ForecastMixture(), {STAYING: (0.0, 0.0)}
     densities = []
     for _ in range(4):
@@ -72,7 +72,7 @@ def test_in_the_first_frames_a_target_may_go_anywhere_near():
 
 
 def test_time_widens_the_density():
-    """As the root of it, as a random walk's."""
+    """Its width grows with the square root of time, as that of a random walk."""
     mixture = ForecastMixture()
     places, forecasts = np.array([[1.0, 0.0], [2.0, 0.0]]), {STAYING: (0.0, 0.0)}
     now = mixture.log_density(places[:1], forecasts, 1.0, 1.0)
@@ -81,7 +81,7 @@ def test_time_widens_the_density():
 
 
 def test_lengths_are_in_the_callers_unit():
-    """A target ten times as large may move ten times as far."""
+    """With ten times the unit, errors and densities are the same at ten times the distance."""
     small, large = ForecastMixture(), ForecastMixture()
     for mixture, unit in ((small, 1.0), (large, 10.0)):
         for _ in range(5):

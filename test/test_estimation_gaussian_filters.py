@@ -38,7 +38,7 @@ LINEAR = {
 
 
 def textbook(model, mean, covariance, measurement, dt):
-    """Run one step of the Kalman filter as it stands in every book, for a single belief."""
+    """Run one step of the textbook Kalman filter, for a single belief."""
     mean = model.transition(mean[np.newaxis], dt)[0]
     matrix, h = model.transition_matrix(dt), model.measurement_matrix
     covariance = matrix @ covariance @ matrix.T + model.process_noise(dt)
@@ -70,7 +70,7 @@ def test_every_filter_is_the_kalman_filter_on_a_linear_model(name, model_name):
 
 @pytest.mark.parametrize('name', sorted(FILTERS))
 def test_a_linear_transition_without_a_matrix_is_predicted_exactly(name):
-    """The sigma points' own way: the model hides that it is linear."""
+    """The model hides its matrix, so that each filter predicts as for a nonlinear one."""
     class Hidden(ConstantVelocity):
 
         def transition_matrix(self, dt):
@@ -92,7 +92,7 @@ def test_a_linear_transition_without_a_matrix_is_predicted_exactly(name):
     BearingRange(2), BearingRange(3), UnivariateNonstationaryGrowth()], ids=lambda m: str(
         type(m).__name__) + str(m.state_dimension))
 def test_many_beliefs_at_once_are_as_each_alone(name, model):
-    """More beliefs than fit a block, so that the blocks are put together rightly."""
+    """There are more beliefs than fit a block, so that the assembly of blocks is tested."""
     if model.state_dimension == 6 and 'all components' in name and 'hermite' in name:
         count = 5
     else:
@@ -175,7 +175,7 @@ def test_the_quadratic_measurement_by_hand():
 
 
 def test_regrouping_without_matching_is_an_inflation():
-    """A rule whose second moment is below one subtracts too little."""
+    """A rule whose second moment is below one leaves the posterior variance too large."""
     model = UnivariateNonstationaryGrowth(measurement_variance=0.3)
     belief = Gaussian.from_moments([3.0], [[2.0]])
     variances = [
@@ -212,7 +212,7 @@ def test_covariances_stay_positive_definite(seed, log_noise, log_prior, name):
 
 
 def test_a_bearing_behind_the_sensor_doesn_t_jump():
-    """The sigma points straddle the cut at pi; a filter that averages angles would go wild."""
+    """The sigma points straddle the cut at pi, where plain averages of angles would be wrong."""
     model = BearingRange(2, measurement_noise=np.diag([0.01, 1e-4]))
     prior = Gaussian.from_moments([-10.0, 0.1, 0.0, 0.0], np.diag([1.0, 1.0, 0.1, 0.1]))
     for name, factory in FILTERS.items():
@@ -221,7 +221,7 @@ def test_a_bearing_behind_the_sensor_doesn_t_jump():
 
 
 def test_a_measurement_may_bring_its_own_error():
-    """A hundredfold variance is the same as a model that has it."""
+    """A variance given with the measurement acts like a model that has it."""
     sharp, blunt = ConstantVelocity(1), ConstantVelocity(1, measurement_noise=[[100.0]])
     prior = Gaussian.from_moments([0.0, 1.0], np.eye(2))
     error = GaussianNoise.from_covariance(np.array([[100.0]]))

@@ -1,4 +1,4 @@
-"""GM(1,1): what the grey model reproduces, its limits, and the traps of the print."""
+"""GM(1,1): what the grey model reproduces, its limits, and pitfalls of the printed equations."""
 
 from functools import partial
 import math
@@ -16,7 +16,7 @@ equivariant_forecast = partial(gm11_forecast, margin=10.0)
 
 
 def as_printed(series):
-    """Work the paper's equations out with a general least-squares solver (a != 0)."""
+    """Evaluate the paper's equations with a general least-squares solver (a != 0)."""
     m = len(series)
     accumulated = np.cumsum(series)
     background = (accumulated[1:] + accumulated[:-1]) / 2
@@ -100,7 +100,7 @@ def test_a_large_margin_is_the_least_squares_line_through_all_but_the_first():
 
 @pytest.mark.parametrize('forecast', [gm11_forecast, equivariant_forecast])
 def test_series_through_zero(forecast):
-    """A velocity that changes its sign is forecast beyond zero, not thrown to infinity."""
+    """A velocity that changes its sign is forecast beyond its last value, and bounded."""
     velocity = np.array([[-2.0], [-1.0], [0.0], [1.0], [2.0]])
     assert 2.0 < forecast(velocity)[0] < 4.5
 
@@ -140,7 +140,7 @@ def test_the_equivariant_forecast_moves_and_scales_with_the_series(series, shift
 
 
 def test_the_paper_s_forecast_is_not_shift_invariant():
-    """The trap that the equivariant form is for."""
+    """The pitfall that the equivariant form avoids."""
     series = np.array([[1.0], [2.0], [3.0], [4.0], [5.0]])
     assert abs(gm11_forecast(series)[0] - (gm11_forecast(series + 100)[0] - 100)) > 0.1
 

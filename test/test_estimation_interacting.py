@@ -1,4 +1,4 @@
-"""Hypotheses of motion side by side: exact moments, and nothing lost where they interact."""
+"""The interacting multiple model: exact moments, which the interaction preserves."""
 
 import math
 
@@ -12,14 +12,14 @@ MODEL = VelocityHypotheses(2, (3.0, 40.0), (math.inf, 0.2))
 
 
 def beliefs():
-    """Return two beliefs that differ in all."""
+    """Return two random beliefs with different means and covariances."""
     rng = np.random.default_rng(3)
     factors = rng.normal(size=(2, 4, 4))
     return Gaussian(rng.normal(size=(2, 4)), factors @ factors.swapaxes(1, 2))
 
 
 def test_infinite_time_constant_is_constant_velocity():
-    """Under the first hypothesis the model is the one that there was, in matrices and steps."""
+    """Under the first hypothesis matrices and predictions are those of `ConstantVelocity`."""
     plain = ConstantVelocity(2, acceleration_density=3.0)
     assert MODEL.transition_matrix(0.3)[0] == pytest.approx(plain.transition_matrix(0.3))
     assert MODEL.process_noise(0.3)[0] == pytest.approx(plain.process_noise(0.3))
@@ -32,7 +32,7 @@ def test_infinite_time_constant_is_constant_velocity():
 
 @pytest.mark.parametrize('dt', [1e-5, 0.01, 0.3])
 def test_two_steps_are_one_of_twice_the_time(dt):
-    """Time may be cut as one likes: F F = F(2 dt), and F Q F' + Q = Q(2 dt)."""
+    """Prediction doesn't depend on the step size: F F = F(2 dt), and F Q F' + Q = Q(2 dt)."""
     step, noise = MODEL.transition_matrix(dt), MODEL.process_noise(dt)
     assert step @ step == pytest.approx(MODEL.transition_matrix(2 * dt), rel=1e-4)
     assert step @ noise @ step.swapaxes(1, 2) + noise == pytest.approx(
@@ -40,13 +40,13 @@ def test_two_steps_are_one_of_twice_the_time(dt):
 
 
 def test_fading_velocity_has_a_stationary_variance():
-    """After long the velocity of an Ornstein-Uhlenbeck process has the variance q tau / 2."""
+    """After a long time an Ornstein-Uhlenbeck process's velocity has the variance q tau / 2."""
     assert MODEL.transition_matrix(50.0)[1, 2:, 2:] == pytest.approx(np.zeros((2, 2)))
     assert MODEL.process_noise(50.0)[1, 2:, 2:] == pytest.approx(4.0 * np.eye(2))
 
 
 def test_switching_is_a_process_in_time():
-    """Rows are probabilities, two steps are one of twice the time, and at last all are even."""
+    """Rows sum to 1, two steps are one of twice the time, and the limit is uniform."""
     once = switching(3, 0.1, 0.5)
     assert once.sum(axis=1) == pytest.approx(np.ones(3))
     assert once @ once == pytest.approx(switching(3, 0.2, 0.5))
@@ -54,7 +54,7 @@ def test_switching_is_a_process_in_time():
 
 
 def test_interaction_keeps_the_moments():
-    """What all hypotheses say together is the same before and after they interact."""
+    """Mean and covariance of the mixture are the same before and after the interaction."""
     before, weights = beliefs(), np.array([0.3, 0.7])
     after, predicted = mix(before, weights, switching(2, 0.1, 0.5))
     assert predicted.sum() == pytest.approx(1.0)
@@ -66,7 +66,7 @@ def test_interaction_keeps_the_moments():
 
 
 def test_moments_are_those_of_samples():
-    """Mean and covariance of what is drawn from the mixture."""
+    """They are mean and covariance of samples that are drawn from the mixture."""
     mixture, weights, rng = beliefs(), np.array([0.3, 0.7]), np.random.default_rng(0)
     which = rng.choice(2, 200_000, p=weights)
     factors = np.linalg.cholesky(mixture.covariance)

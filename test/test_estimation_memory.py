@@ -26,7 +26,7 @@ def belief_bytes(belief):
 
 
 def peak_of(call):
-    """Return a call's result, and the most memory that was held during it beyond before."""
+    """Return a call's result, and the peak of the memory allocated during it, in bytes."""
     call()
     tracemalloc.start()
     try:

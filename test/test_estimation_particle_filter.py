@@ -86,7 +86,7 @@ def test_the_threshold_decides_on_resampling(threshold, resampled):
 @pytest.mark.parametrize('value', [-math.inf, math.nan])
 @pytest.mark.parametrize('proposal', [PriorProposal(), GreyProposal()])
 def test_nothing_explains_the_measurement(value, proposal):
-    """The measurement is ignored and counted, and the filter lives on."""
+    """The measurement is ignored and counted, and the filter goes on."""
     particle_filter = make(proposal=proposal, threshold=0.0)
     for _ in range(6):
         particle_filter.step(np.array([0.1, 0.1]))

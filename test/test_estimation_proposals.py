@@ -1,4 +1,4 @@
-"""Proposals of the particle filter: what they sample, and the density that they say."""
+"""Proposals of the particle filter: what they sample, and the density that they return."""
 
 import math
 
@@ -45,7 +45,7 @@ def test_the_grey_density_is_the_one_that_it_samples():
 
 
 def _two_modes():
-    """Return a belief of two modes, moving, whose past estimates are forecast elsewhere."""
+    """Return a moving belief of two modes, whose past estimates give a forecast elsewhere."""
     rng = np.random.default_rng(2)
     states = rng.normal((0.0, 1.0), (0.5, 0.1), (20000, 2))
     states[::2, 0] += 30.0
@@ -57,7 +57,7 @@ def _two_modes():
 @pytest.mark.parametrize('floor', [1.0, 4.0])
 @pytest.mark.parametrize('spread', ['predicted', 'moved'])
 def test_the_grey_density_has_the_predicted_particles_spread(spread, floor):
-    """Its mean is g_k, its covariance theirs and the floor; only moved particles keep modes."""
+    """Its mean is g_k, its covariance theirs plus the floor; only 'moved' keeps the modes."""
     belief = _two_modes()
     model = ConstantVelocity(1, acceleration_density=0.3)
     proposal = GreyProposal(floor=floor, spread=spread, velocities={1: 0})
@@ -75,7 +75,7 @@ def test_the_grey_density_has_the_predicted_particles_spread(spread, floor):
 
 @pytest.mark.parametrize('share', [0.0, 0.3])
 def test_the_density_of_moved_particles_is_that_of_each_one_s_own_successor(share):
-    """Weighted prior over proposal, the moved particles are distributed like the prior's."""
+    """Weighted by prior over proposal density, the moved particles have the prior's mean."""
     belief = _two_modes()
     model = ConstantVelocity(1, acceleration_density=400.0)
     proposal = GreyProposal(floor=2.0, spread='moved', prior_share=share, velocities={1: 0})
@@ -125,7 +125,7 @@ def test_a_dropped_frame_is_forecast_as_two_steps():
 
 
 def test_a_steady_component_is_expected_to_stay():
-    """It is forecast as it was last, whatever its series; the others by their own."""
+    """Its forecast is its last value, whatever its series; the others' are by their series."""
     series = np.array([[3.0, 10.0], [5.0, 11.0], [7.0, 9.0], [9.0, 14.0], [11.0, 12.0]])
     belief = Belief(np.zeros((2, 2)), Weights.uniform(2), 4.0, None,
                     tuple(series), tuple(np.arange(5.0)))

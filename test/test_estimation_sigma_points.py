@@ -21,7 +21,7 @@ def integral(rule, powers):
 
 
 def second_moment_of(rule):
-    """Return `sum_i w_i xi_i xi_i^T`: the identity, if the rule is any good."""
+    """Return `sum_i w_i xi_i xi_i^T`: the identity, for a valid rule."""
     return (rule.points.T * rule.covariance_weights) @ rule.points
 
 

@@ -1,4 +1,4 @@
-"""What an evaluation keeps: runs from one time to the next, frames from run to run."""
+"""What an evaluation caches: runs for the next evaluation, and frames from run to run."""
 
 from dataclasses import replace
 import gc
@@ -19,7 +19,7 @@ from vtrack_ros.trackers import create_tracker, tracker_class
 
 
 def test_cache_runs_only_what_changed(two_sequences, tmp_path):
-    """A second time everything is there; another parameter, seed or frame is run anew."""
+    """A second evaluation uses cached runs; with another parameter, seed or truth it runs anew."""
     cache = RunCache(tmp_path / 'cache')
 
     def cached(tracker='pf', seeds=1):
@@ -43,7 +43,7 @@ def test_cache_runs_only_what_changed(two_sequences, tmp_path):
 
 
 def test_torn_cache_entry_is_run_again(two_sequences, tmp_path):
-    """A file that can't be read is as good as none."""
+    """A cache entry that can't be read is run again."""
     cache = RunCache(tmp_path / 'cache')
     evaluate(['pf'], two_sequences, jobs=0, cache=cache)
     for path in (tmp_path / 'cache').rglob('output.pkl'):
@@ -63,7 +63,7 @@ def test_default_parameters_share_the_cache(two_sequences, tmp_path):
 
 
 def test_source_of_a_tracker():
-    """A tracker's source holds what it imports by name, not its neighbours."""
+    """A tracker's source includes the modules that it imports, not their neighbours."""
     files = source_files('vtrack_ros.tracker')
     assert {'vtrack_ros.tracker', 'vtrack_ros.parameters',
             'vtrack_ros.geometry.box'} <= set(files)
@@ -75,7 +75,7 @@ def test_source_of_a_tracker():
 
 
 def test_pictures_that_changed_are_read_again(two_sequences):
-    """In one process, a second evaluation sees the files as they are then."""
+    """A second evaluation in the same process reads images that have changed."""
     before = evaluate(['pf'], two_sequences, jobs=0)
     [first, _] = find_sequences(two_sequences)[0]
     for path in first.images[1:]:
@@ -85,7 +85,7 @@ def test_pictures_that_changed_are_read_again(two_sequences):
 
 
 def test_a_video_s_frames_are_those_of_the_sequence(two_sequences):
-    """One's own cuts of a folder: backwards, and every second frame, have the same images."""
+    """Sequences cut from a folder, backwards or every second frame, each get their own frames."""
     [one] = read_folder(two_sequences / 'First')
     cuts = [replace(one, name=name, truth=one.truth[order], images=one.images[order])
             for name, order in (('all', slice(None)), ('back', slice(None, None, -1)),
@@ -97,15 +97,15 @@ def test_a_video_s_frames_are_those_of_the_sequence(two_sequences):
 
 
 def test_no_picture_is_kept(two_sequences):
-    """When an evaluation in this process is over, or was given up, its frames are gone."""
+    """After an evaluation in this process, also an interrupted one, no frame is in memory."""
     [first, _] = find_sequences(two_sequences)[0]
     seen = []
 
     class Watched(FolderSequence):
-        """A sequence that knows what became of its frames."""
+        """A sequence that keeps weak references to its frames."""
 
         def frames(self):
-            """Decode them, and remember them weakly."""
+            """Decode them, and keep weak references."""
             for frame in super().frames():
                 seen.append(weakref.ref(frame))
                 yield frame
@@ -123,21 +123,21 @@ def test_no_picture_is_kept(two_sequences):
 
 
 def test_a_seed_that_failed_on_one_sequence(two_sequences, tmp_path):
-    """The summary is of the seeds that ran everywhere; the others' runs stay in their place."""
+    """The summary is of the seeds that ran on all sequences; runs of the others are kept, too."""
     cache = RunCache(tmp_path / 'cache')
     evaluate(['pf'], two_sequences, seeds=1, jobs=0, cache=cache)
     [first, second] = find_sequences(two_sequences)[0]
     evaluate(['pf'], [first], seeds=2, jobs=0, cache=cache)
 
     class Torn(FolderSequence):
-        """A sequence whose disk fails, with the content of the good one."""
+        """A sequence whose frames can't be read, with the fingerprint of the good one."""
 
         def fingerprint(self):
-            """Return the good one's."""
+            """Return that of the good one."""
             return second.fingerprint()
 
         def frames(self):
-            """Fail."""
+            """Raise the error."""
             raise SequenceError('not an image')
 
     results = evaluate(['pf'], [first, Torn('Second', second.truth, second.images)], seeds=2,

@@ -86,7 +86,7 @@ def test_shapes_are_checked():
 
 
 def test_failures_and_recoveries():
-    """A failure begins at overlap 0, lasts through grazes and absences, ends above 0.1."""
+    """A failure begins at overlap 0, lasts through small overlaps and absences, ends above 0.1."""
     overlap = np.array([1, .6, 0, 0, .05, 0, .3, .8, 0, math.nan, 0, .2, 0, 0])
     found = metrics.failures(overlap)
     assert found.count == 3
@@ -104,13 +104,13 @@ def test_auroc_is_a_probability_of_order(high, low):
 
 
 def test_auroc_without_one_side():
-    """With nothing to tell apart there is no figure."""
+    """Without values of one of the two classes it's NaN."""
     assert math.isnan(calibration.auroc([0.3], []))
     assert math.isnan(calibration.auroc([], [0.3]))
 
 
 def test_losses_and_their_reports():
-    """A loss lasts until the target is hit again; it counts as reported when the state says so."""
+    """A loss lasts until the target is hit again; it's reported if the state says so meanwhile."""
     overlap = np.array([1, .7, .05, .0, .3, .6, math.nan, math.nan, .6, .0, .0, .9])
     reported = np.array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 0, 1], dtype=bool)
     found = calibration.losses(overlap, reported)
@@ -119,14 +119,14 @@ def test_losses_and_their_reports():
 
 
 def test_report_after_the_end_of_a_loss_is_none():
-    """A tracker that says so only once it's back on the target didn't report the loss."""
+    """A report that comes only when the box is back on the target doesn't count."""
     overlap = np.array([1, .0, .0, .8, .8])
     reported = np.array([0, 0, 0, 1, 0], dtype=bool)
     assert calibration.losses(overlap, reported) == calibration.Losses(1, ())
 
 
 def test_returns():
-    """From the return of the target until the box is on it; never, where that doesn't happen."""
+    """Time from the return of the target until the box is on it; infinite where it never is."""
     gone = math.nan
     overlap = np.array([1, gone, gone, .0, .2, .6, gone, .7, gone, .1, gone, .2, .3])
     assert calibration.return_delays(overlap) == (2, 0, math.inf, math.inf)
@@ -160,7 +160,7 @@ def test_ellipse_of_hand_made_covariances():
 
 
 def test_stretches():
-    """Begin and end of runs, at both ends of the array too."""
+    """Runs of true values are returned as (begin, end), at both ends of the array, too."""
     assert metrics.stretches(np.array([1, 1, 0, 1, 0, 0, 1], dtype=bool)) == [
         (0, 2), (3, 4), (6, 7)]
     assert metrics.stretches(np.zeros(3, dtype=bool)) == []

@@ -63,7 +63,7 @@ def test_page_is_whole_and_refers_to_nothing(tmp_path):
 
 
 def test_a_line_of_pixels_has_a_picture(tmp_path):
-    """A frame that would shrink to nothing doesn't take the page with it."""
+    """A frame of one row, which would shrink to nothing, has its picture on the page."""
     folder = tmp_path / 'Line'
     (folder / 'img').mkdir(parents=True)
     for index in range(4):

@@ -1,4 +1,4 @@
-"""Trackers over sequences: what is run, what is kept, what is said when something is wrong."""
+"""Trackers over sequences: what is run, what is kept, what is reported if something is wrong."""
 
 import math
 import os
@@ -79,7 +79,7 @@ def test_script_from_standard_input(two_sequences):
 
 
 def test_death_of_a_process_is_reported(two_sequences):
-    """When a process dies, its runs are problems, and the evaluation comes to its end."""
+    """When a process dies, its runs are reported as problems, and the evaluation finishes."""
     [first, _] = find_sequences(two_sequences)[0]
     deadly = DeadlySequence('Deadly', first.truth, first.images)
     results = evaluate(['pf'], [deadly], jobs=2)
@@ -118,7 +118,7 @@ def test_composite_index_compares_the_trackers(two_sequences):
 
 
 def test_absent_target_counts_for_loss_only(tmp_path):
-    """Rows of NaN leave the overlap alone and are a loss."""
+    """Frames without a target don't count in the overlap, and are a loss."""
     whole = [','.join(map(str, truth_of(index))) for index in range(12)]
     gaps = whole[:6] + ['NaN,NaN,NaN,NaN'] * 2 + whole[8:]
     write_sequence(tmp_path / 'Gap', rows=gaps)
@@ -156,14 +156,14 @@ def test_specifications():
     ('pf:particles=0', 'particles must be an integer from'),
 ])
 def test_wrong_specifications(text, message):
-    """What is wrong is said, and what is valid."""
+    """The error says what is wrong, and what is valid."""
     with pytest.raises(ValueError, match=message):
         parse_trackers(text)
 
 
 @pytest.mark.parametrize('name', available_peers())
 def test_peers(name, two_sequences):
-    """Trackers of OpenCV run in the same harness; those that draw nothing run once."""
+    """Trackers of OpenCV run in the same harness; those without randomness run once."""
     [_, second] = find_sequences(two_sequences)[0]
     results = evaluate([name], [second], seeds=2, jobs=0)
     assert not results.problems

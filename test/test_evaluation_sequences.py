@@ -1,4 +1,4 @@
-"""Sequence folders and bags, as they should be and as they shouldn't."""
+"""Sequence folders and bags, valid and broken ones."""
 
 import math
 from pathlib import Path
@@ -70,14 +70,14 @@ def test_broken_ones_are_reported_and_the_rest_is_found(tmp_path):
 
 
 def test_one_folder_alone(tmp_path):
-    """A sequence's own folder is taken for what it is."""
+    """A sequence's own folder is read as that one sequence."""
     sequences, broken = find_sequences(write_sequence(tmp_path / 'Alone'))
     assert [sequence.name for sequence in sequences] == ['Alone']
     assert not broken
 
 
 def test_nothing_like_a_sequence(tmp_path):
-    """A folder of other folders holds no broken sequences, but none."""
+    """A folder of unrelated folders has no sequences, rather than broken ones."""
     (tmp_path / 'letters').mkdir()
     (tmp_path / 'letters' / 'to_mother.txt').write_text('...')
     (tmp_path / 'bills').mkdir()
@@ -137,7 +137,7 @@ def test_bag(repository):
 
 
 def test_bag_that_is_none(tmp_path):
-    """What isn't a bag is a broken sequence."""
+    """A file that isn't a bag is a SequenceError that names it."""
     pytest.importorskip('rosbags', reason='needs rosbags')
     from vtrack_ros.evaluation.sequences import read_bag
     (tmp_path / 'torn.mcap').write_bytes(b'nothing of the kind')

@@ -1,4 +1,4 @@
-"""Sequences under stress: the truth moves along, time is told, the same seed gives the same."""
+"""Sequences under stress: truth and time steps follow the changes, and the seed decides."""
 
 from dataclasses import replace
 from itertools import islice
@@ -30,7 +30,7 @@ def red(frame):
 @pytest.mark.parametrize('kind', ['shake', 'jumps'])
 @pytest.mark.parametrize('severity', [0.5, 1.0])
 def test_truth_moves_along(square, kind, severity):
-    """The square is where the truth says, to the pixel; the picture moved, within its border."""
+    """The square is at its truth to the pixel, inside the picture, and moves as the kind says."""
     made = stress(square, kind, severity)
     for frame, box in zip(made.frames, made.truth):
         assert red(frame) == box.tolist()
@@ -46,7 +46,7 @@ def test_truth_moves_along(square, kind, severity):
 
 
 def test_the_picture_rolls_about_the_target(square):
-    """A square stays where it is, turns to and fro, and keeps its area; so does its box."""
+    """A square turns to and fro in place; the true box is the bound of the turned one."""
     made = stress(square, 'roll', 45)
     assert made.truth[0].tolist() == list(truth_of(0))
     widths = []
@@ -75,7 +75,7 @@ def test_resolution(square):
 
 @pytest.mark.parametrize('kind', OF_FRAMES)
 def test_same_seed_same_frames(square, kind):
-    """The seed decides, where there is randomness; the original isn't touched."""
+    """The same seed gives the same frames; another one doesn't, where there is randomness."""
     severity = STRESS_KINDS[kind].severities[1]
     first, again, other = (stress(square, kind, severity, seed) for seed in (3, 3, 4))
     frames = list(first.frames)
@@ -92,7 +92,7 @@ def test_same_seed_same_frames(square, kind):
 
 @pytest.mark.parametrize('kind', OF_FRAMES)
 def test_grey_frames(square, kind):
-    """A grey video stays one."""
+    """A grey video stays grey."""
     class Grey(type(square)):
         """The sequence in grey."""
 
@@ -104,7 +104,7 @@ def test_grey_frames(square, kind):
 
 
 def test_time_that_passed(square):
-    """The steps of the frames that are left hold those that are missing."""
+    """The time steps of the remaining frames include those of the missing ones."""
     third = stress(square, 'rate', 3)
     assert third.truth.tolist() == [list(truth_of(index)) for index in range(0, FRAMES, 3)]
     assert third.steps[1:].tolist() == [3.0] * (len(third.steps) - 1)
@@ -134,7 +134,7 @@ def test_hidden_is_marked(square):
 
 
 def test_twin_passes_and_the_target_stays(square):
-    """For a while there is a second square, which comes as near as it shall, not nearer."""
+    """A second square passes beside the target for a while, and never covers it."""
     made = stress(square, 'twin', 1.5)
     whole = 0
     for frame, box in zip(made.frames, made.truth.astype(int)):
@@ -182,7 +182,7 @@ def test_plain_is_the_original(square):
     ('gaps', 25, 'of 25 frames fewer have to be missing, not 25'),
 ])
 def test_wrong_stress(square, kind, severity, message):
-    """What is wrong is said, and what is valid."""
+    """The error says what is wrong, and what is valid."""
     with pytest.raises(ValueError, match=message):
         stress(square, kind, severity)
 

@@ -69,7 +69,7 @@ def test_decoded_once(square):
     decoded = []
 
     class Counted(type(square)):
-        """The sequence, counting."""
+        """The sequence, which counts the frames that it decodes."""
 
         def frames(self):
             """Count, and decode."""
@@ -83,7 +83,7 @@ def test_decoded_once(square):
 
 
 def test_influence(square):
-    """Two of seven frames are elsewhere, by half a side; half of the box less is on target."""
+    """Two of seven frames differ, by half a side; there the overlap is 1/3 instead of 1."""
     results = Results([square], [parse_tracker('pf'), parse_tracker('dcf')], (0,))
     apart = square.truth.copy()
     apart[[0, 3], 0] += 12

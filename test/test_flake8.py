@@ -11,18 +11,18 @@ pytest.importorskip('ament_flake8', reason='needs ament_flake8')
 
 pytestmark = pytest.mark.lint
 
-# Syntax trees have few cycles: without the collector, which would visit all, it's quicker.
+# Syntax trees have few cycles: without the garbage collector, which would visit all, it's faster.
 SCRIPT = 'import gc, sys; gc.disable(); from ament_flake8.main import main; sys.exit(main())'
 
 
 def test_flake8(repository: Path, tmp_path: Path) -> None:
-    """Nothing is found."""
+    """Neither flake8 nor pydocstyle finds anything."""
     # With this line flake8 finds in docstrings what ament_pep257 finds: both ignore the same codes
     # of pydocstyle. Each file is read once then.
     official = files('ament_flake8') / 'configuration' / 'ament_flake8.ini'
     config = tmp_path / 'flake8.ini'
     config.write_text(official.read_text() + '\ndocstring-convention = all\n')
-    # In a process of its own: flake8 forks, which the threads of earlier tests' nodes can't take.
+    # In its own process: flake8 forks, which isn't safe with the threads of earlier tests' nodes.
     run = subprocess.run(
         [sys.executable, '-c', SCRIPT, *python_paths(repository), '--config', str(config)],
         capture_output=True, text=True)

@@ -1,4 +1,4 @@
-"""What fuzzing starts from, and what it found: refused with a ValueError, or read rightly."""
+"""The fuzzer's seeds and past findings: refused with a ValueError, or read correctly."""
 
 from pathlib import Path
 
@@ -12,13 +12,13 @@ FILES = sorted(path for path in FOLDER.rglob('*') if path.is_file())
 
 
 def test_every_target_has_seeds():
-    """A folder of the target's name, which the fuzzer starts from."""
+    """Each target has a folder of its name with seeds."""
     assert {path.parent.name for path in FILES} == set(TARGETS)
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda path: f'{path.parent.name}-{path.name}')
 def test_input(path):
-    """It is whole, cut off anywhere, and with any of its first bytes changed."""
+    """Whole, and cut off or with a byte changed at each eighth, it's refused or read correctly."""
     data = path.read_bytes()
     refused_or_right(path.parent.name, data)
     for length in range(0, len(data), max(1, len(data) // 8)):

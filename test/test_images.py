@@ -39,7 +39,7 @@ def random_values(per_row, bits=8, seed=1):
 @pytest.mark.parametrize('bigendian', [False, True])
 @pytest.mark.parametrize('encoding', CHANNELS)
 def test_pixel_by_pixel(encoding, bigendian, padding):
-    """Every pixel is what its bytes say, whatever lies between the rows."""
+    """Every pixel has the value of its bytes, whatever the padding between the rows."""
     bits = 16 if '16' in encoding else 8
     values = random_values(WIDTH * CHANNELS[encoding], bits)
     frame = to_frame(message(values, encoding, padding, bigendian))
@@ -78,12 +78,12 @@ def test_yuv_is_bt601(encoding, places, padding):
 
 
 def plane(rows, step):
-    """Return the bytes of rows, each followed by what doesn't belong to it."""
+    """Return the bytes of rows, each padded to the step."""
     return b''.join(row.tobytes().ljust(step, b'\xa5') for row in np.ascontiguousarray(rows))
 
 
 def planar(encoding, light, u, v, step):
-    """Return a planar message; u and v are of the luma's size, of which some take a part."""
+    """Return a planar message, for which u and v, of the luma's size, are subsampled if needed."""
     if encoding in ('nv12', 'nv21', 'i420', 'yuv420'):
         u, v = u[::2, ::2], v[::2, ::2]
     elif encoding in ('nv16', 'nv61'):
@@ -104,7 +104,7 @@ PLANAR = ('nv12', 'nv21', 'i420', 'yuv420', 'nv16', 'nv61', 'nv24')
 @pytest.mark.parametrize('padding', [0, 4])
 @pytest.mark.parametrize('encoding', PLANAR)
 def test_planar_yuv_is_bt601(encoding, padding):
-    """Four pixels of one colour come out alike from every order of the planes."""
+    """Blocks of four pixels that share a colour are BT.601, in every order of the planes."""
     rng = np.random.default_rng(4)
     light = rng.integers(60, 180, (HEIGHT, WIDTH)).astype(np.uint8)
     u, v = (np.kron(rng.integers(100, 156, (HEIGHT // 2, WIDTH // 2)), np.ones((2, 2)))
@@ -125,7 +125,7 @@ def test_planar_yuv_is_bt601(encoding, padding):
     ({'encoding': 'nv15'}, ['nv12', 'i420', 'nv24']),
 ])
 def test_malformed_planes(changes, words):
-    """Planes that don't fit the size are refused in words."""
+    """Planes that don't fit the size are refused with the reason."""
     sent = planar('i420', *np.zeros((3, HEIGHT, WIDTH), np.uint8), WIDTH)
     vars(sent).update(changes)
     with pytest.raises(ValueError) as caught:
@@ -137,7 +137,7 @@ def test_malformed_planes(changes, words):
 @pytest.mark.parametrize('padding', [0, 5])
 @pytest.mark.parametrize('encoding', BAYER)
 def test_bayer_is_bilinear(encoding, padding):
-    """Inside, each missing colour is the mean of the nearest sensors that have it."""
+    """Inside, each missing colour is the mean of the nearest pixels that have it."""
     values = random_values(WIDTH)
     pattern = np.tile(np.array(list(BAYER[encoding])).reshape(2, 2), (HEIGHT // 2, WIDTH // 2))
     frame = to_frame(message(values, encoding, padding))
@@ -155,7 +155,7 @@ def test_bayer_is_bilinear(encoding, padding):
 
 
 def test_bayer_of_sixteen_bits():
-    """It's the Bayer image of the high bytes."""
+    """It's read as the Bayer image of the high bytes."""
     values = random_values(WIDTH)
     wide = values.astype(np.uint16) * 257
     for name in BAYER:
@@ -165,7 +165,7 @@ def test_bayer_of_sixteen_bits():
 
 @pytest.mark.parametrize('encoding', ['bgr8', 'mono8'])
 def test_shares_memory(encoding):
-    """Where nothing has to be done, nothing is copied."""
+    """Where no conversion is needed, the frame shares the message's memory."""
     sent = message(random_values(WIDTH * CHANNELS[encoding]), encoding)
     assert np.shares_memory(to_frame(sent), np.frombuffer(sent.data, np.uint8))
 
@@ -204,7 +204,7 @@ def test_sizes_that_an_encoding_cannot_have(encoding, width, height):
 
 
 def test_every_encoding_is_tested():
-    """What can be read is in one of the tables above."""
+    """Every encoding that can be read is in one of the tables above."""
     wide = {name[:-1] + '16' for name in BAYER}
     assert set(ENCODINGS) == {*CHANNELS, *BAYER, *wide, *PLANAR, 'yuv422', 'uyvy',
                               'yuv422_yuy2', 'yuyv'}
@@ -251,7 +251,7 @@ def test_broken_compressed_images(data, kind):
 
 
 def test_a_small_message_cannot_claim_a_huge_image():
-    """Nobody makes room for pixels that the bytes can't hold."""
+    """It's refused, so that no memory is allocated for pixels that its bytes can't hold."""
     for kind, places in (('.png', ((16, 4), (20, 4))), ('.jpg', None)):
         data = bytearray(cv2.imencode(kind, np.zeros((16, 16, 3), np.uint8))[1].tobytes())
         if places is None:
@@ -264,7 +264,7 @@ def test_a_small_message_cannot_claim_a_huge_image():
 
 
 def test_a_chunk_cannot_be_longer_than_its_image():
-    """Nobody makes room for a PNG's chunk that isn't there."""
+    """It's refused, so that no memory is allocated for a PNG's chunk that isn't there."""
     data = bytearray(cv2.imencode('.png', np.zeros((16, 16, 3), np.uint8))[1].tobytes())
     data[33:37] = b'\x7f\xff\xff\xff'
     with pytest.raises(ValueError, match='nor a whole png'):
@@ -272,7 +272,7 @@ def test_a_chunk_cannot_be_longer_than_its_image():
 
 
 def test_a_blank_image_is_read():
-    """However well it is compressed, of one bit a pixel too."""
+    """It's read however well it is compressed, at one bit a pixel, too."""
     blank = np.zeros((4000, 4000), np.uint8)
     for kind, options in (('.png', [cv2.IMWRITE_PNG_BILEVEL, 1]), ('.png', []),
                           ('.jpg', [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])):
@@ -283,7 +283,7 @@ def test_a_blank_image_is_read():
 
 @pytest.mark.parametrize('shape', [(HEIGHT, WIDTH), (HEIGHT, WIDTH, 3)])
 def test_there_and_back(shape):
-    """What's written is read back."""
+    """A frame that is written is read back unchanged."""
     frame = np.random.default_rng(6).integers(0, 256, shape).astype(np.uint8)
     sent = SimpleNamespace()
     fill_image(sent, frame)
@@ -291,7 +291,7 @@ def test_there_and_back(shape):
 
 
 def test_fills_a_slice():
-    """A frame that isn't contiguous is written as it looks."""
+    """A frame that isn't contiguous is written correctly."""
     frame = np.random.default_rng(7).integers(0, 256, (HEIGHT, 2 * WIDTH, 3)).astype(np.uint8)
     sent = SimpleNamespace()
     fill_image(sent, frame[:, ::2])

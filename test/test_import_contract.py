@@ -1,4 +1,4 @@
-"""Which packages import which (the contract in .importlinter), and names of their own."""
+"""Which packages import which (the contract in .importlinter), and unique names."""
 
 from collections import Counter
 from pathlib import Path
@@ -24,7 +24,7 @@ def test_import_contract(repository: Path) -> None:
 
 
 def test_names(repository: Path) -> None:
-    """A module has a name of its own in the whole package, and so has a class."""
+    """Names of modules and classes are unique in the whole package."""
     paths = [path for path in (repository / 'vtrack_ros').rglob('*.py')
              if path.stem not in ('__init__', '__main__')]
     classes = [name for path in paths

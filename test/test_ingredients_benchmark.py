@@ -1,4 +1,4 @@
-"""The benchmark of the ingredients: each one can be left out, and is there again afterwards."""
+"""The benchmark of the ingredients: each one can be left out, and is restored afterwards."""
 
 from evaluation_material import write_sequence
 import numpy as np
@@ -17,7 +17,7 @@ def ingredients(from_benchmarks):
 
 def test_a_target_that_is_lost_is_followed_without_each_ingredient(
         ingredients, tmp_path, monkeypatch):
-    """Every run ends with a score, though what is left out is asked for while it's searched."""
+    """Each run has a reproducible score, whatever is left out, re-detection included."""
     asked = []
     update = Redetection.update
 
@@ -35,7 +35,7 @@ def test_a_target_that_is_lost_is_followed_without_each_ingredient(
 
 
 def test_what_was_left_out_is_there_again(ingredients):
-    """Leaving out the forecasts makes every place as likely, until that ends."""
+    """Without the forecasts all places are equally likely; afterwards they count again."""
     mixture, forecasts = ForecastMixture(), {'staying': (0.0, 0.0)}
     places = np.array([(0.0, 0.0), (40.0, 0.0)])
 

@@ -11,7 +11,7 @@ INTERFACES = Path(__file__).resolve().parents[1] / 'interfaces' / 'vision_msgs'
 #: The type hashes of upstream's definitions.
 HASHES = dict(line.split() for line in (INTERFACES / 'type_hashes.txt').read_text().splitlines()
               if not line.startswith('#'))
-#: How long discovery and delivery may take before a test gives up, in seconds.
+#: Time-out for discovery and delivery, in seconds.
 PATIENCE = 20.0
 
 PUBLISHER = """
@@ -43,7 +43,7 @@ def definition(name: str) -> str:
 
 
 def test_every_definition_has_a_known_hash() -> None:
-    """Nothing is left unchecked."""
+    """There is a reference hash for every definition, and for nothing else."""
     assert {path.stem for path in (INTERFACES / 'msg').iterdir()} == set(HASHES)
 
 

@@ -1,4 +1,4 @@
-"""What looks like the target, and passes by: it's followed, and not taken for it."""
+"""Look-alikes of the target that pass by: they're followed, and not taken for the target."""
 
 from functools import lru_cache
 import math
@@ -19,7 +19,7 @@ REACH = 0.75 * SIDE
 
 
 def passing(frames, step=8.0):
-    """Return distractors, and where the last one was seen, that came nearer in so many frames."""
+    """Return distractors with one that came nearer for some frames, and where it was seen last."""
     distractors, place = Distractors(), (0.0, 0.0)
     for index in range(frames):
         place = START[0] + 80.0 - step * index, START[1]
@@ -29,7 +29,7 @@ def passing(frames, step=8.0):
 
 
 def test_what_came_from_elsewhere_goes_on_when_the_two_have_met():
-    """One maximum is left of the two, the target's; the other one is where it was going."""
+    """While one maximum is left of the two, the other's place is extrapolated at its velocity."""
     distractors, (x, y) = passing(8)
     for index in range(1, 6):
         expected, = distractors.near(START, REACH, 1.0)
@@ -39,7 +39,7 @@ def test_what_came_from_elsewhere_goes_on_when_the_two_have_met():
 
 @pytest.mark.parametrize('frames, likeness, expected', [(8, 1.0, 1), (8, 0.3, 0), (1, 1.0, 0)])
 def test_what_looks_otherwise_or_was_seen_once_is_no_distractor(frames, likeness, expected):
-    """Most maxima of a response are of nothing that's mistaken for the target."""
+    """A maximum counts only if it's similar to the target, and was found more than once."""
     distractors, place = Distractors(), (START[0] + 30.0, START[1])
     for _ in range(frames):
         distractors.update([place], START, SIDE, 1.0)
@@ -48,7 +48,7 @@ def test_what_looks_otherwise_or_was_seen_once_is_no_distractor(frames, likeness
 
 
 def test_the_target_itself_is_no_distractor():
-    """A maximum that parts from it may be the target as well as another."""
+    """A maximum at the target's own place begins no distractor."""
     distractors = Distractors()
     for index in range(8):
         place = START[0] + 6.0 * index, START[1]
@@ -59,7 +59,7 @@ def test_the_target_itself_is_no_distractor():
 
 @pytest.mark.parametrize('frames, known', [(12, 1), (13, 0), (20, 0)])
 def test_who_is_out_of_sight_for_long_is_forgotten(frames, known):
-    """By then nobody knows where it is."""
+    """A distractor that hasn't been found for more than 12 frames is forgotten."""
     distractors, _ = passing(8, step=1.0)
     for _ in range(frames):
         distractors.update([], START, SIDE, 1.0)
@@ -68,7 +68,7 @@ def test_who_is_out_of_sight_for_long_is_forgotten(frames, known):
 
 @pytest.mark.parametrize('frames, known', [(30, 1), (60, 0)])
 def test_while_the_two_are_one_it_is_not_forgotten(frames, known):
-    """It's out of sight only where it would be seen, and isn't: when it should have parted."""
+    """The frames count from when it should have parted from the target, but isn't found."""
     distractors, target = Distractors(), START[0]
     for index in range(10):
         place = START[0] - 20.0 + 4 * index, START[1]
@@ -83,7 +83,7 @@ def test_while_the_two_are_one_it_is_not_forgotten(frames, known):
 
 @pytest.mark.parametrize('dt', [1.0, 2.0])
 def test_where_it_is_expected_follows_from_its_steps(dt):
-    """Its last ones, the latest of which is half of what it's taken to go on with, [px/frame]."""
+    """Its velocity is a moving average of its steps, [px/frame], the latest weighing 0.5."""
     place, distractors = np.array([START[0] + 60.0, START[1] - 20.0]), Distractors()
     for step in ((0, 0), (-4.0, 2.0), (-6.0, 4.0)):
         place += step
@@ -94,7 +94,7 @@ def test_where_it_is_expected_follows_from_its_steps(dt):
 
 
 def compared(frames):
-    """Return the places that were compared while these frames' maxima were seen."""
+    """Return the places that are compared with the target, given the maxima of some frames."""
     distractors, asked = Distractors(), []
     for maxima in frames:
         distractors.update(maxima, START, SIDE, 1.0)
@@ -103,19 +103,19 @@ def compared(frames):
 
 
 def beside(*shares):
-    """Return as many frames with one maximum, so many sides beside the target."""
+    """Return frames with one maximum each, at these distances beside the target, [sides]."""
     return [[(START[0] + share * SIDE, START[1])] for share in shares]
 
 
 def test_it_is_compared_in_every_second_frame():
-    """From the second one on, where it's seen."""
+    """It's compared in every second frame in which it's found, from the second one on."""
     counts = [len(compared(beside(*[1.4] * count))) for count in range(1, 7)]
     assert counts == [0, 1, 1, 2, 2, 3]
     assert not compared([*beside(1.4), []])
 
 
 def test_what_was_seen_once_is_remembered_for_one_frame():
-    """Then what comes back is something else, and is seen for the first time."""
+    """After two frames without it, a maximum there is a new one, found for the first time."""
     seen, = beside(1.4)
     assert compared([seen, [], seen]) == seen
     assert not compared([seen, [], [], seen])
@@ -123,7 +123,7 @@ def test_what_was_seen_once_is_remembered_for_one_frame():
 
 @pytest.mark.parametrize('away, begins', [(0.35, 0), (0.45, 1)])
 def test_a_distractor_begins_away_from_the_target(away, begins):
-    """0.4 of its sides and more: nearer it may be the target's own."""
+    """It begins from 0.4 sides away on: a nearer maximum may be the target itself."""
     distractors = Distractors()
     first = START[0] + away * SIDE, START[1]
     for index in range(2):
@@ -134,24 +134,24 @@ def test_a_distractor_begins_away_from_the_target(away, begins):
 
 @pytest.mark.parametrize('step, same', [(0.25, 1), (0.35, 0)])
 def test_a_distractor_is_found_again_near_where_it_is_expected(step, same):
-    """Within 0.3 sides of the target: further on it's another one."""
+    """A maximum within 0.3 sides of its expected place is associated with it, else not."""
     assert len(compared(beside(1.4, 1.4 + step))) == same
 
 
 def test_near_the_target_it_is_not_compared():
-    """It's the target that would be seen there."""
+    """Within 0.4 sides it isn't compared: the target itself would be seen there."""
     assert not compared(beside(0.45, 0.3))
     assert len(compared(beside(0.45, 0.6))) == 1
 
 
 def test_the_next_one_to_the_target_is_compared_first():
-    """One in a frame, since that takes a while."""
+    """One is compared in a frame, as that takes a while: of those that are due, the nearest."""
     places = [place for place, in beside(2.1, -1.4, 2.8)]
     assert compared([places] * 4) == [places[1], places[0], places[1]]
 
 
 def test_each_of_two_goes_on_with_the_maximum_next_to_it():
-    """Whatever the order in which they're found; and one is forgotten without the other."""
+    """Each is associated with the maximum nearest to it, in any order; one is forgotten alone."""
     distractors = Distractors()
     left, right = (START[0] - 60.0, START[1]), (START[0] + 60.0, START[1])
     for index in range(6):
@@ -166,7 +166,7 @@ def test_each_of_two_goes_on_with_the_maximum_next_to_it():
 
 @lru_cache(6)
 def meeting(seed, velocity=0.0, below=6, speed=4):
-    """Return frames, and the places, of a target whose double comes the other way, in front."""
+    """Return (frame, centre) of a target whose double passes in front of it the other way."""
     video = DrawnVideo(seed=seed)
     width, height = TARGET
     frames = round(176 / speed)
@@ -183,14 +183,14 @@ def meeting(seed, velocity=0.0, below=6, speed=4):
     return film
 
 
-# one film after the other, each for all trackers
+# in this order all trackers use the same films before the next ones: they're cached
 @pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf', 'appf'])
 @pytest.mark.parametrize('velocity', [0.0, 2.0])
 def test_a_double_that_passes_in_front_is_not_followed(name, velocity):
     """
-    Where each of the two was going tells which one is the target, when nothing else does.
+    The motion of the two tells which one is the target, when appearance can't.
 
-    In five of six films: of 24 one or two are lost, which ones is a matter of rounding.
+    In five of six films: of 24 one or two are lost, which ones depends on rounding errors.
     """
     kept = 0
     for seed in range(6):
@@ -207,7 +207,7 @@ def test_a_double_that_passes_in_front_is_not_followed(name, velocity):
 @pytest.mark.parametrize('name', ['gmpf', 'pf'])
 @pytest.mark.parametrize('speed', [2, 6])
 def test_neither_a_slow_double_nor_a_fast_one_is_followed(name, speed):
-    """A slow one hides the target for long, a fast one is seen apart from it in few frames."""
+    """In 5 of 6 films it isn't: a slow one hides the target long, a fast one is soon past it."""
     kept = 0
     for seed in range(6):
         (first, _), *frames = meeting(seed, below=0, speed=speed)
@@ -220,18 +220,18 @@ def test_neither_a_slow_double_nor_a_fast_one_is_followed(name, speed):
 
 @lru_cache(maxsize=4)
 def beside_its_first_look(seed):
-    """Return frames, and the box, of a target that changes; then its first look is beside it."""
+    """Return images and box of a changing target, then its first appearance beside it."""
     return changed(seed, 30, 6, 0.6, lambda since: (150, 100))
 
 
 @lru_cache(maxsize=4)
 def crossed_by_its_first_look(seed):
-    """Return frames, and the box, of a target that changes; then its first look comes across."""
+    """Return images and box of a changing target that its first appearance then passes."""
     return changed(seed, 120, 20, 0.5, lambda since: (319 - 3 * since, 112))
 
 
 def changed(seed, frames, changing, most, double_at):
-    """Return frames, and the box, of a target that changes, and of its first look somewhere."""
+    """Return images and box of a changing target, and its first appearance at `double_at`."""
     rng = np.random.default_rng(seed)
     ground = texture(SIZE[::-1], [(90, 110, 90), (130, 130, 120), (140, 150, 150)], 12, rng)
     first, last = (texture(TARGET[::-1], colours, 8, rng).astype(np.float32) for colours in (
@@ -253,7 +253,7 @@ def changed(seed, frames, changing, most, double_at):
 
 @pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf', 'appf'])
 def test_what_appears_beside_the_target_and_looks_more_like_it_is_not_followed(name):
-    """Its own points stay, so it hasn't gone there; a response knows of looks alone."""
+    """The box stays (IoU above 0.5), as by optical flow the target hasn't moved there."""
     for seed in range(4):
         images, box = beside_its_first_look(seed)
         tracker = create_tracker(name, seed=seed)
@@ -264,7 +264,7 @@ def test_what_appears_beside_the_target_and_looks_more_like_it_is_not_followed(n
 @pytest.mark.parametrize('name', ['gmpf', 'pf', 'pqkpf', 'abmspf', 'appf'])
 def test_the_first_look_passing_in_front_is_not_followed(name):
     """
-    A target that has changed is less like itself than what comes: neither model follows that.
+    The box stays on a changed target, though what passes is more like its first appearance.
 
     Of 24 films two are lost.
     """
@@ -276,7 +276,7 @@ def test_the_first_look_passing_in_front_is_not_followed(name):
 
 
 def test_while_a_double_hides_it_the_particles_spread():
-    """What is seen says nothing of where the target is, so the filter only predicts."""
+    """The filter only predicts then, so that the variance of its particles more than doubles."""
     (first, _), *frames = meeting(0)
     tracker = create_tracker('pf', seed=0)
     tracker.start(first, box_at(START))
@@ -286,7 +286,7 @@ def test_while_a_double_hides_it_the_particles_spread():
 
 @pytest.mark.parametrize('highest, left', [(1.0, 2), (-1.0, 1)])
 def test_the_highest_maximum_is_always_one(highest, left):
-    """Where nothing answers the response may be below zero, and it's no error."""
+    """It's kept where the highest response is negative, too."""
     target = Localiser(VIDEO.frame(START), START, TARGET, np.random.default_rng(0))
     response = target.localise(VIDEO.frame(START), START)
     values = highest, highest - 0.5, highest - 0.9

@@ -20,7 +20,7 @@ VIDEO = DrawnVideo(seed=4, blob=60)
 
 @pytest.fixture
 def search_and_live():
-    """Return a search for the target of the first frame, and what is tracked instead of it."""
+    """Return a search for the first frame's target, and the snapshot tracked instead of it."""
     frame = VIDEO.frame(HERE)
     window = WindowLayout.around(*TARGET).window(frame, HERE, TARGET)
     model = TargetModel.create(window)
@@ -31,7 +31,7 @@ def search_and_live():
 
 
 def sightings(search, live, frame, similarity, frames, dt=1.0, failed=False, distractors=()):
-    """Return what a search says of so many frames that are all alike."""
+    """Return a search's results in a number of frames that are all alike."""
     return [search.update(frame, live, similarity, failed, dt, distractors)
             for _ in range(frames)]
 
@@ -45,13 +45,13 @@ def test_it_finds_the_first_look_anywhere_in_the_frame(search_and_live):
 
 
 def test_what_resembles_the_first_look_is_not_doubted(search_and_live):
-    """However much more something else resembles it."""
+    """A place of similarity 0.2 isn't left, however similar another one is."""
     search, live = search_and_live
     assert not any(sightings(search, live, VIDEO.frame(ELSEWHERE), 0.2, 200))
 
 
 def test_a_doubt_of_some_frames_is_none(search_and_live):
-    """An occluder passes by; what is looked for then is found by re-detection."""
+    """After 20 frames of low similarity, as by an occluder, there's no sighting yet."""
     search, live = search_and_live
     frame = VIDEO.frame(ELSEWHERE)
     for _ in range(5):
@@ -60,7 +60,7 @@ def test_a_doubt_of_some_frames_is_none(search_and_live):
 
 
 def test_what_has_failed_for_long_is_doubted(search_and_live):
-    """However similar it is, but not sooner; what is found is far more similar still."""
+    """After 30 frames of failure, not sooner, a place is sighted if it's far more similar."""
     search, live = search_and_live
     frame = VIDEO.frame(ELSEWHERE)
     assert not any(sightings(search, live, frame, 0.2, 29, failed=True))
@@ -70,7 +70,7 @@ def test_what_has_failed_for_long_is_doubted(search_and_live):
 
 
 def test_what_was_found_after_a_failure_is_doubted_until_it_is_like_the_target(search_and_live):
-    """At once, and not while tracking has failed again: that's re-detection's."""
+    """At once, unless tracking fails again, and until it has 0.9 of the usual similarity."""
     search, live = search_and_live
     frame = VIDEO.frame(ELSEWHERE)
     search.restart(0.25, usual=0.45)
@@ -84,7 +84,7 @@ def test_what_was_found_after_a_failure_is_doubted_until_it_is_like_the_target(s
 
 
 def test_where_it_was_lost_as_like_as_what_is_tracked_is_enough(search_and_live):
-    """Elsewhere it has to be far more like the target; and who is confirmed isn't lost."""
+    """There an equal similarity is enough; not elsewhere, nor once the target is confirmed."""
     search, live = search_and_live
     frame = VIDEO.frame(ELSEWHERE)
     search.restart(0.6, usual=0.9)
@@ -99,7 +99,7 @@ def test_where_it_was_lost_as_like_as_what_is_tracked_is_enough(search_and_live)
 
 
 def test_what_motion_told_from_the_target_is_not_it_where_it_was_lost(search_and_live):
-    """But what is far more like it than what is tracked is it all the same."""
+    """A distractor there isn't sighted at an equal similarity, but if it's far more similar."""
     search, live = search_and_live
     frame, near = VIDEO.frame(ELSEWHERE), [(ELSEWHERE[0] + 3, ELSEWHERE[1])]
     search.restart(0.6, usual=0.9, lost=ELSEWHERE)
@@ -109,7 +109,7 @@ def test_what_motion_told_from_the_target_is_not_it_where_it_was_lost(search_and
 
 
 def test_time_passes_with_frames_that_were_dropped(search_and_live):
-    """The patience is one in frames' time: frames of twice the interval count twice."""
+    """Time is counted in `dt`: with twice the interval the target is sighted in fewer frames."""
     search, live = search_and_live
     frame = VIDEO.frame(ELSEWHERE)
     twice = sightings(search, live, frame, 0.05, 150, dt=2.0)
@@ -125,14 +125,14 @@ def test_a_frame_without_the_target_has_no_sighting(search_and_live):
 
 
 def test_the_tracked_place_is_not_elsewhere(search_and_live):
-    """Where the live place is the target's, nothing is to be found."""
+    """Where the live place is the target's, no other one is sighted."""
     search, live = search_and_live
     live = replace(live, center=ELSEWHERE)
     assert not any(sightings(search, live, VIDEO.frame(ELSEWHERE), 0.05, 150))
 
 
 def test_it_has_to_be_seen_twice(search_and_live):
-    """Something that is there for one frame is no target."""
+    """What is there for one frame only isn't sighted."""
     search, live = search_and_live
     empty, frame = VIDEO.frame(None), VIDEO.frame(ELSEWHERE)
     assert not any(sightings(search, live, empty, 0.05, 60))
@@ -142,7 +142,7 @@ def test_it_has_to_be_seen_twice(search_and_live):
 
 
 def test_a_localiser_that_learned_something_else_finds_its_target():
-    """It follows another thing, sharply, which is as unlike the target as it has long been."""
+    """Sharply on another object, with a low usual similarity, it restarts once, at the target."""
     both, alone = VIDEO.frame(HERE), VIDEO.frame(HERE)
     other = texture(
         TARGET[::-1], [(200, 30, 20), (90, 200, 90), (220, 160, 40)], 8, np.random.default_rng(7))
@@ -168,7 +168,7 @@ def test_a_localiser_that_learned_something_else_finds_its_target():
 
 @pytest.mark.parametrize('seed', range(4))
 def test_what_is_half_like_the_target_is_left_for_it_however_the_failure_ended(seed):
-    """It stands where the target was hidden, so nobody has jumped there."""
+    """At the end of the failure nothing jumped: the half-similar object is at the old place."""
     hidden, half = VIDEO.frame(None), VIDEO.frame(ELSEWHERE)
     half[:120, :160] = (hidden[:120, :160] / 2 + VIDEO.frame(HERE)[:120, :160] / 2)
     localiser = Localiser(VIDEO.frame(HERE), HERE, TARGET, np.random.default_rng(seed))
@@ -182,7 +182,7 @@ def test_what_is_half_like_the_target_is_left_for_it_however_the_failure_ended(s
 
 @pytest.mark.parametrize('seed', range(4))
 def test_what_is_a_little_like_the_target_is_left_for_it_wherever_it_was_found(seed):
-    """In the whole frame, which is searched when the target has been gone for long."""
+    """The search of the whole frame after a long absence finds it, and later the target."""
     hidden, little = VIDEO.frame(None), VIDEO.frame(None)
     little[120:, 160:] = (0.73 * hidden + 0.27 * VIDEO.frame(ELSEWHERE))[120:, 160:]
     both = little.copy()

@@ -33,7 +33,7 @@ def follow(path, frame_of=VIDEO.frame, dt=1.0):
 
 
 def followed_by_camera(frames=25):
-    """Return frames of a target that stays in the picture, the ground passing behind it."""
+    """Return frames of a target that stays in the picture, before a moving ground, and its box."""
     rng = np.random.default_rng(2)
     ground = texture((SIZE[1], SIZE[0] + 2 * frames),
                      [(60, 70, 60), (150, 160, 150), (90, 110, 120)], 14, rng)
@@ -50,7 +50,7 @@ def followed_by_camera(frames=25):
 @pytest.mark.parametrize('name, kept', [
     ('dcf', False), ('gmpf', True), ('pqkpf', True), ('abmspf', True), ('pf', True)])
 def test_a_target_that_the_camera_follows_is_kept(name, kept):
-    """One model alone follows the ground that passes behind it; of two the other one leads."""
+    """One model alone follows the ground that moves behind it; with two the target is kept."""
     images, box = followed_by_camera()
     tracker = create_tracker(name, seed=0)
     tracker.start(images[0], box)
@@ -59,7 +59,7 @@ def test_a_target_that_the_camera_follows_is_kept(name, kept):
 
 
 def turned_while_away(seed):
-    """Return two frames of a reddish figure that turns as the camera goes along, and its box."""
+    """Return two frames of a reddish figure that turns while the camera moves, and its box."""
     rng = np.random.default_rng(seed)
     ground = np.kron(rng.integers(40, 200, (30, 60, 3), np.uint8), np.ones((8, 8, 1), np.uint8))
     spots = np.kron(rng.integers(0, 60, (8, 8, 3), np.uint8), np.ones((6, 6, 1), np.uint8))
@@ -77,7 +77,7 @@ def turned_while_away(seed):
 @pytest.mark.parametrize('name', ['gmpf', 'pqkpf', 'abmspf', 'appf', 'pf'])
 @pytest.mark.parametrize('seed', range(1, 4))
 def test_after_a_gap_the_target_is_what_looks_like_it(name, seed):
-    """The ground that was learned with it answers as well, and is where a forecast has it."""
+    """It's found (IoU above 0.5), though the learned ground responds where it's forecast."""
     before, after, box = turned_while_away(seed)
     tracker = create_tracker(name, seed=0)
     tracker.start(before, box)
@@ -85,7 +85,7 @@ def test_after_a_gap_the_target_is_what_looks_like_it(name, seed):
 
 
 def test_no_frame_measures_two_sizes(monkeypatch):
-    """Once a target is known, what takes long is done in turns."""
+    """After the first 30 frames, at most one model's size is measured in a frame."""
     counts = []
     updated = ScaleRegression.updated
 
@@ -102,7 +102,7 @@ def test_no_frame_measures_two_sizes(monkeypatch):
 
 
 def test_the_box_has_the_size_between_the_two_models(monkeypatch):
-    """One measures that the target grew, the other that it did not: each counts as much."""
+    """If one measures growth and the other none, the box has the geometric mean of their sizes."""
     def growth(model, window, shift):
         return 1.01 if isinstance(model.correlation, ConstrainedFilter) else 1.0
     monkeypatch.setattr(TargetModel, 'growth', growth)
@@ -117,7 +117,7 @@ def test_the_box_has_the_size_between_the_two_models(monkeypatch):
 @pytest.mark.parametrize('distractor, frames, found', [
     (False, 20, True), (True, 16, False), (True, 40, True)])
 def test_redetection_does_not_jump_to_a_distractor(distractor, frames, found):
-    """It goes by the look, but the two were seen side by side; who is lost for long may be it."""
+    """A distractor's place isn't jumped to, unless the target has been lost for long."""
     target, _ = started(VIDEO.frame(START))
     there = START[0] + 90.0, START[1]
     places = [START] * 4 + [there] * frames
@@ -133,7 +133,7 @@ def test_redetection_does_not_jump_to_a_distractor(distractor, frames, found):
 
 
 def test_the_window_goes_ahead_of_a_steady_target():
-    """Steps of most of a side: about the last place the target would be at the border."""
+    """At steps of half a side, the window's centre is within 6 px of the target, not behind it."""
     path = [(40.0 + 22 * index, 110.0) for index in range(11)]
     target, _, found = follow(path)
     assert box_at(path[-1]).iou(Box.from_center(*target.center, *target.size)) > 0.7
@@ -141,19 +141,19 @@ def test_the_window_goes_ahead_of_a_steady_target():
 
 
 def test_after_a_gap_it_searches_around():
-    """A target nearly two sides from where it was, ten frames later, is found at once."""
+    """A target that is 63 px (1.4 sides) away after ten frames is found at once."""
     target, search, _ = follow([START] * 6)
     place = (START[0] + 60, START[1] + 20)
     frame = VIDEO.frame(place)
     found = search.search(frame, 10.0)
     assert found.place == (pytest.approx(place[0], abs=3), pytest.approx(place[1], abs=3))
-    # without the time that has passed, and with the target seen, one window does
+    # without a gap, and with the target seen, one window is enough
     still = search.search(VIDEO.frame(START), 1.0)
     assert still.place == (pytest.approx(START[0], abs=2), pytest.approx(START[1], abs=2))
 
 
 def test_a_double_elsewhere_isn_t_taken_for_the_target():
-    """It answers as much, but isn't where the target has to be."""
+    """Its response is as high, but it isn't where the target is expected."""
     target, search, _ = follow([START] * 8)
     double = VIDEO.frame((START[0] + 52, START[1]))
     frame = VIDEO.frame(START)
@@ -164,7 +164,7 @@ def test_a_double_elsewhere_isn_t_taken_for_the_target():
 
 
 def test_maxima_are_the_tops():
-    """Of two hills both, and of a third one that is too low none."""
+    """The highest one is among them, and all have at least 0.6 of its response."""
     target, _ = started(VIDEO.frame(START))
     response = target.localise(VIDEO.frame(START), START)
     tops = maxima(response, 0.6)

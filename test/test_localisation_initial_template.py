@@ -1,4 +1,4 @@
-"""The verifier: what tells a target from where it was, and from what is a little similar."""
+"""The initial template: it tells a target from its former place, and from similar things."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def learned(frame):
 
 
 def similarity(template, frame, center=MIDDLE):
-    """Return how similar a place is to it."""
+    """Return the similarity of a place to the template."""
     return template.similarity(window_at(frame, center))
 
 
@@ -40,7 +40,7 @@ def test_a_confined_filter_sees_the_target_alone():
     whole = empty.updated(empty.transform(features), 1.0)
     part = whole.confined(8.0, 6.0)
     other = rng.normal(size=features.shape).astype(np.float32)
-    # a cell further than half the target, whose border may lie in a cell
+    # one cell more than half the target, whose border may lie in a cell
     other[:, 10 - 4:10 + 5, 12 - 5:12 + 6] = features[:, 10 - 4:10 + 5, 12 - 5:12 + 6]
     here, there = (filter_.response(empty.transform(one))[10, 12]
                    for filter_, one in ((part, features), (part, other)))
@@ -50,7 +50,7 @@ def test_a_confined_filter_sees_the_target_alone():
 
 
 def test_a_filter_confined_to_the_whole_window_is_the_filter():
-    """Nothing is cut off."""
+    """The response stays the same: nothing is cut off."""
     empty = CorrelationFilter.create(20, 24, 1.5)
     features = np.random.default_rng(1).normal(size=(4, 20, 24)).astype(np.float32)
     spectrum = empty.transform(features)
@@ -60,7 +60,7 @@ def test_a_filter_confined_to_the_whole_window_is_the_filter():
 
 
 def test_a_blank_target_is_similar_to_nothing():
-    """Where there's nothing to recognise no place is recognised, and the scale stays sane."""
+    """A template of a blank target has similarities below 0.1, but above -10."""
     blank = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
     template = learned(blank)
     for frame in (blank, DrawnVideo().frame(MIDDLE)):
@@ -69,7 +69,7 @@ def test_a_blank_target_is_similar_to_nothing():
 
 @pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
 def test_the_first_frame_itself(colour):
-    """0.75, also a pixel beside it, and in a video as bright again."""
+    """Its similarity is 0.75, and above 0.5 a pixel beside it, in colour and in grey."""
     frame = DrawnVideo(colour).frame(MIDDLE)
     template = learned(frame)
     assert similarity(template, frame) == pytest.approx(0.75, abs=0.01)
@@ -78,7 +78,7 @@ def test_the_first_frame_itself(colour):
 
 @pytest.mark.parametrize('seed', range(5))
 def test_the_place_where_it_stood_is_not_the_target(seed):
-    """The surroundings are all there, and answer: less than a fifth of what the target does."""
+    """The surroundings respond, but the similarity is below a fifth of that with the target."""
     video = DrawnVideo(seed=seed)
     window, empty = window_at(video.frame(MIDDLE)), window_at(video.frame(None))
     model = TargetModel.create(window)
@@ -89,7 +89,7 @@ def test_the_place_where_it_stood_is_not_the_target(seed):
 
 @pytest.mark.parametrize('seed', range(5))
 def test_other_colours_make_it_less_similar(seed):
-    """The same pattern with red and blue exchanged."""
+    """With red and blue exchanged, the same pattern has less than 0.8 of the similarity."""
     video = DrawnVideo(seed=seed)
     template = learned(video.frame(MIDDLE))
     frame, other = video.frame(MIDDLE), video.frame(None)
@@ -100,7 +100,7 @@ def test_other_colours_make_it_less_similar(seed):
 
 
 def test_the_share_of_the_colours_counts_by_its_fourth_root():
-    """Half the share of the first frame's; less than 0.3 of it counts as that."""
+    """The share is relative to the first frame's, with a lower bound of 0.3."""
     frame = DrawnVideo().frame(MIDDLE)
     template = learned(frame)
     for share, counted in ((1.0, 1.0), (0.5, 0.5), (0.1, 0.3)):

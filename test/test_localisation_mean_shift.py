@@ -34,7 +34,7 @@ def test_a_climb_on_a_map_ends_on_its_nearest_hill():
 
 
 def test_weights_are_what_is_above_the_background():
-    """Nothing below the mean pulls, and a hill pulls with the cube of its height."""
+    """They're the cube of the response's excess over its mean, and 0 below the mean."""
     response = np.array([[0.0, 0.0, 0.0, 0.3, 0.5, -0.2]], np.float32)
     np.testing.assert_allclose(
         climbing_weights(response), [[0, 0, 0, 0.2**3, 0.4**3, 0]], atol=1e-7)

@@ -1,4 +1,4 @@
-"""What a target's motion over the ground says of its presence."""
+"""The log-odds of a target's presence by its motion over the ground."""
 
 from drawn_video import texture
 import numpy as np
@@ -15,7 +15,7 @@ SIDE = 30.0
 
 
 class Walk:
-    """A target moves over the ground, and a camera turns, both aslant, by so many px a frame."""
+    """A target moves over the ground, and a camera by `turns`, both diagonally, [px/frame]."""
 
     def __init__(self, turns=0):
         self.turns, self.turned, self.x = turns, 0, 300.0
@@ -32,7 +32,7 @@ class Walk:
             self.x - self.turned, self.x - 180.0 - self.turned, SIDE, SIDE)
 
     def go(self, speed, frames, dt=1):
-        """Move for some frames; return what is said last."""
+        """Move for some frames; return the log-odds of the last one."""
         for _ in range(frames):
             self.x += speed * dt
             self.turned += self.turns * dt
@@ -44,43 +44,43 @@ class Walk:
 @pytest.mark.parametrize('speed', [0.0, 0.3, 2.0])
 @pytest.mark.parametrize('dt', [1, 2])
 def test_who_moves_as_ever_is_believed(turns, speed, dt):
-    """Nor is it held against who has rested since it was pointed out; the camera doesn't count."""
+    """At a constant speed, also at rest, the log-odds are 0.3 to 0.5, however the camera turns."""
     assert 0.3 < Walk(turns).go(speed, 60, dt) < 0.5
 
 
 @pytest.mark.parametrize('turns', [0, 3])
 def test_who_comes_to_rest_on_the_ground_is_doubted_for_a_while(turns):
-    """A tracker that lost its target moves with the ground; but a target may stop, too."""
+    """A stop lowers the log-odds to -1.4 to -1.8; in time they're positive, as it may stop."""
     walk = Walk(turns)
     walk.go(2.0, 40)
     assert walk.go(0.0, 10) < -1.0
-    # a longer rest takes no more off than that, and in time it's usual
+    # a longer rest subtracts no more than that, and in time it's usual
     least = min(walk.go(0.0, 5) for _ in range(6))
     assert -1.8 < least < -1.4
     assert walk.go(0.0, 160) > 0.1
 
 
 def test_who_rests_in_the_picture_of_a_camera_that_turns_moves():
-    """That's a target that the camera follows."""
+    """A target that the camera follows, at rest in the picture, moves as usual over the ground."""
     walk = Walk(turns=2)
     assert 0.3 < walk.go(2.0, 60) < 0.5
 
 
 def test_haste_is_doubted_less_than_rest():
-    """Targets dart off sometimes."""
+    """A sudden speed subtracts less than a stop, for targets dart off sometimes."""
     walk = Walk()
     walk.go(0.3, 40)
     assert -0.2 < walk.go(6.0, 8) < 0.1
 
 
 def test_of_a_target_that_was_just_pointed_out_nothing_is_usual():
-    """It has no say in the first frames."""
+    """In the first frames the log-odds are 0."""
     walk = Walk()
     assert walk.go(6.0, 3) == walk.go(0.0, 2) == 0
 
 
 def test_who_is_found_elsewhere_moves_as_usual():
-    """Neither the way there counts, nor the rest before."""
+    """After a restart neither the way to the new place nor the rest before counts."""
     walk = Walk()
     walk.go(2.0, 41)
     assert walk.go(0.0, 10) < -0.8
@@ -91,7 +91,7 @@ def test_who_is_found_elsewhere_moves_as_usual():
 
 
 def test_where_the_ground_has_no_texture_nothing_is_said():
-    """Nobody knows what moves."""
+    """The ground's motion is unknown there: the log-odds are 0."""
     blank = np.full((240, WIDTH, 3), 120, np.uint8)
     evidence = MotionEvidence(SparsePicture.of(blank), Box.from_center(100, 120, SIDE, SIDE))
     for step in range(40):

@@ -14,14 +14,14 @@ from vtrack_ros.tracker import TrackState
 @pytest.mark.parametrize('similarity', [-1000.0, 0.0, 0.3, 1.0])
 @pytest.mark.parametrize('sharpness', [-5.0, 0.0, 6.0, 40.0])
 def test_confidence_is_a_share_whatever_the_evidence(similarity, sharpness):
-    """What speaks wildly for or against the target is a probability all the same."""
+    """It's in [0, 1] for extreme similarities and sharpness, too."""
     presence = PresenceDetector()
     presence.judge(similarity, sharpness, 1.0)
     assert 0 <= presence.confidence <= 1
 
 
 def test_absence_is_told_at_once_and_counted_in_frames():
-    """It's said in the frame itself, as is that the target is there again."""
+    """Absence and return are reported in the frame itself; unseen frames are summed by `dt`."""
     presence = PresenceDetector()
     assert presence.unseen_frames == 0 and presence.confidence > 0.95
     presence.judge(0.05, 2.5, 1.0)
@@ -29,7 +29,7 @@ def test_absence_is_told_at_once_and_counted_in_frames():
     assert presence.unseen_frames == 3 and presence.confidence < 0.2
     presence.judge(0.3, 6.0, 1.0)
     assert presence.unseen_frames == 0 and presence.confidence > 0.7
-    # of the same evidence elsewhere nothing is left of that here
+    # evidence from another place isn't averaged with that from here
     presence.judge(0.05, 2.5, 1.0)
     presence.judge(0.3, 6.0, 1.0, elsewhere=True)
     anew = PresenceDetector()
@@ -38,7 +38,7 @@ def test_absence_is_told_at_once_and_counted_in_frames():
 
 
 def found_after(frames, threshold=0.5):
-    """Return who wasn't there for so many frames, and then is there by about two to one."""
+    """Return a detector after frames without the target, then ten at odds of 1.6 for it."""
     presence = PresenceDetector()
     presence.threshold = threshold
     for _ in range(frames):
@@ -49,7 +49,7 @@ def found_after(frames, threshold=0.5):
 
 
 def test_who_was_lost_for_long_has_to_be_recognised():
-    """In each frame without it something else may look like it: so the odds fall."""
+    """Twice as many frames without it halve the odds, for something else may look like it."""
     soon, late = found_after(30), found_after(60)
     assert soon.absent_frames == 0 < late.absent_frames
     assert logit(soon.confidence) - logit(late.confidence) == pytest.approx(np.log(2), abs=0.2)
@@ -57,14 +57,14 @@ def test_who_was_lost_for_long_has_to_be_recognised():
 
 
 def test_the_confidence_is_the_same_whatever_is_enough():
-    """Who asks for more isn't told less."""
+    """A higher threshold lengthens the reported absence, but doesn't change the confidence."""
     for frames in (0, 30, 60):
         assert found_after(frames, 0.9).confidence == found_after(frames).confidence
         assert found_after(frames, 0.9).absent_frames >= 10
 
 
 def test_who_is_recognised_after_long_is_there_as_before():
-    """From then on half a likeness is enough again; what it does meanwhile knows no doubt."""
+    """Strong evidence ends the penalty for the absence; `unseen_frames` never depends on it."""
     presence = found_after(300)
     assert presence.unseen_frames == 0 < presence.absent_frames
     for _ in range(4):
@@ -77,7 +77,7 @@ def test_who_is_recognised_after_long_is_there_as_before():
 
 
 def test_who_was_lost_for_long_is_recognised_by_the_first_frames_model():
-    """To what it has learned since, the live model's response is as sharp as to the target."""
+    """Only a sharp response of the first frame's model confirms it after 60 missed frames."""
     def found(first_sharpness):
         presence = PresenceDetector()
         for _ in range(60):
@@ -89,20 +89,20 @@ def test_who_was_lost_for_long_is_recognised_by_the_first_frames_model():
     learned, target = found(2.5), found(8.0)
     assert learned.doubts and learned.absent_frames > 0 and learned.confidence < 0.5
     assert not target.doubts and target.absent_frames == 0 and target.confidence > 0.8
-    # what it does meanwhile goes by the live model
+    # the unseen frames depend on the live model
     assert learned.unseen_frames == target.unseen_frames == 0
     assert not found_after(20).doubts
 
 
 def test_another_model_speaks_against_the_target_or_says_nothing():
-    """By the logarithm of its similarity below .07: what it sees itself may be something else."""
+    """It's log(similarity / 0.07) for similarities below 0.07, -log 7 at least, and 0 above."""
     assert support_of(0.07) == support_of(0.3) == 0
     assert support_of(0.035) == pytest.approx(-np.log(2))
     assert support_of(-1.0) == support_of(0.0) == pytest.approx(-np.log(7))
 
 
 def test_similarity_and_sharpness_make_up_for_one_another():
-    """A target that has turned is known by its sharp response, a blurred one by its look."""
+    """A sharp response makes up for a low similarity (a turn), and vice versa (blur)."""
     def confidence(similarity, sharpness):
         presence = PresenceDetector()
         presence.judge(similarity, sharpness, 1.0, elsewhere=True)
@@ -112,11 +112,11 @@ def test_similarity_and_sharpness_make_up_for_one_another():
 
 
 def test_who_is_sure_has_seen_the_target_well_in_the_latest_frame():
-    """One that resembles its first look little is, if the response is sharp."""
+    """It's sure at a high similarity, or at less with a sharp response; not after an absence."""
     presence = PresenceDetector()
     assert presence.is_sure(0.12, 6.5) and presence.is_sure(0.4, 4.0)
     assert not presence.is_sure(0.05, 3.0) and not presence.is_sure(0.08, 3.5)
-    # it's asked, not told
+    # the query doesn't change the state
     assert presence.confidence == PresenceDetector().confidence
     for _ in range(3):
         presence.judge(0.05, 2.5, 1.0)
@@ -124,7 +124,7 @@ def test_who_is_sure_has_seen_the_target_well_in_the_latest_frame():
 
 
 def after(similarities, interval=1.0):
-    """Return what judged frames of such similarities, all as sharp."""
+    """Return a detector after frames of these similarities, all as sharp."""
     presence = PresenceDetector()
     for similarity in similarities:
         presence.judge(similarity, 5.0, interval)
@@ -133,7 +133,7 @@ def after(similarities, interval=1.0):
 
 @pytest.mark.parametrize('interval', [1.0, 4.0])
 def test_who_fades_has_turned_and_who_falls_is_hidden(interval):
-    """The same look says less for a target if it came at once; how fast is a matter of time."""
+    """An abrupt fall of the similarity lowers the log-odds by 1; a gradual one doesn't."""
     low = [0.08] * 8
     faded = after([*np.geomspace(0.3, 0.08, round(48 / interval)), *low], interval)
     fallen = after([*[0.3] * 20, *low], interval)
@@ -142,7 +142,7 @@ def test_who_fades_has_turned_and_who_falls_is_hidden(interval):
 
 
 def test_a_fall_is_over_when_the_look_is_back_or_elsewhere():
-    """Half the usual similarity doesn't end what half of it wouldn't have begun; .7 of it does."""
+    """Half the usual similarity neither begins nor ends a fall; 0.7 of it or a jump ends it."""
     dipped, hidden, back = (after([*[0.3] * 20, first, *[second] * 9]) for first, second in (
         (0.15, 0.15), (0.05, 0.15), (0.05, 0.21)))
     assert logit(dipped.confidence) - logit(hidden.confidence) == pytest.approx(1.0, abs=0.01)
@@ -161,13 +161,13 @@ def test_the_logistic_function():
 
 
 def test_a_target_is_lost_after_thirty_frames_unseen():
-    """Tracking while it's seen, searching at first, lost when the prediction means nothing."""
+    """TRACKING while it's seen, SEARCHING for up to 30 frames, then LOST."""
     assert [state_after(frames) for frames in (0.0, 1.0, 30.0, 30.5)] == [
         TrackState.TRACKING, TrackState.SEARCHING, TrackState.SEARCHING, TrackState.LOST]
 
 
 def test_an_unseen_target_may_be_a_side_away_and_farther_later():
-    """Errors are shares of the mean side; unseen, a side is added, and twice its square in 30."""
+    """Unseen, a side is added to the centre's error; after 30 frames that variance is doubled."""
     seen, unseen, later = (
         np.sqrt(np.diag(unknown_covariance(0.1, 0.2, 400.0, frames))) for frames in (0, 1e-9, 30))
     np.testing.assert_allclose(seen, [2, 2, 4, 4])
@@ -180,7 +180,7 @@ def test_an_unseen_target_may_be_a_side_away_and_farther_later():
 
 @pytest.mark.parametrize('sharpness', [3.2, 4.0, 5.5, 8.0, 20.0])
 def test_who_is_less_like_itself_is_less_sure_to_be_there(sharpness):
-    """The standard deviation is .3 sides times the root of the odds against it, or the least."""
+    """The standard deviation is 0.3 sides times the root of the odds against, or the least one."""
     presence = PresenceDetector()
     for _ in range(30):
         presence.judge(0.15, sharpness, 1.0)
@@ -193,7 +193,7 @@ def test_who_is_less_like_itself_is_less_sure_to_be_there(sharpness):
 
 
 def test_who_is_hardly_there_may_be_as_far_away_as_who_is_as_likely_as_not():
-    """Out of sight another error is added, which doesn't grow with the evidence against it."""
+    """Below even odds the error is that at even odds, and the error out of sight is added."""
     presence = PresenceDetector()
     for _ in range(30):
         presence.judge(0.02, 2.0, 1.0)
@@ -202,7 +202,7 @@ def test_who_is_hardly_there_may_be_as_far_away_as_who_is_as_likely_as_not():
 
 
 def test_the_threshold_says_what_is_said_but_not_what_is_done():
-    """A confidence is enough or not: the evidence is the same, and a tracker goes by that."""
+    """It changes `absent_frames`, but neither the confidence nor `unseen_frames`."""
     lenient, strict = PresenceDetector(), PresenceDetector()
     lenient.threshold, strict.threshold = 0.1, 0.9
     for each in (lenient, strict):
@@ -213,7 +213,7 @@ def test_the_threshold_says_what_is_said_but_not_what_is_done():
 
 
 def test_support_has_a_say_in_what_is_said_but_not_in_what_is_done():
-    """It takes as much off the evidence; whether the target is followed goes by its look."""
+    """It's added to the reported log-odds, but `unseen_frames` depends on appearance alone."""
     def judged(support, elsewhere=False):
         presence = PresenceDetector()
         for _ in range(6):
@@ -223,5 +223,5 @@ def test_support_has_a_say_in_what_is_said_but_not_in_what_is_done():
     assert logit(usual.confidence) - logit(resting.confidence) == pytest.approx(1.5, abs=0.01)
     assert resting.absent_frames > 0 == usual.absent_frames
     assert resting.unseen_frames == usual.unseen_frames == 0
-    # the way to another place isn't the target's motion
+    # a jump to another place isn't the target's motion
     assert judged(-1.5, elsewhere=True).confidence == judged(0.0, elsewhere=True).confidence

@@ -1,4 +1,4 @@
-"""Tracking failures: when they're declared and over, where the target is searched, and a jump."""
+"""Tracking failures: when they begin and end, where the target is searched, and jumps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VIDEO = DrawnVideo(seed=4, blob=60)
 
 
 class Verifier:
-    """Stands for the initial template: every place has the same similarity."""
+    """A fake initial template: every place has the same similarity."""
 
     def __init__(self, similarity):
         """Take the similarity."""
@@ -32,14 +32,14 @@ class Verifier:
 
 
 class FixedModel(TargetModel):
-    """A model that says of itself that it doesn't learn."""
+    """A model that is marked as not learning."""
 
     LEARNS = False
 
 
 @pytest.fixture(scope='module')
 def known():
-    """Return the target as it's known where it was, and its template."""
+    """Return the target's snapshot at `HERE`, and its template."""
     frame = VIDEO.frame(HERE)
     window = WindowLayout.around(*TARGET).window(frame, HERE, TARGET)
     model = TargetModel.create(window)
@@ -56,19 +56,19 @@ def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0):
     (0.7, 0.8, False), (0.16, 0.8, False), (0.14, 0.8, True), (0.7, 0.57, False),
     (0.7, 0.55, True)])
 def test_a_failure_is_too_low_a_response_or_similarity(known, similarity, peak, failed):
-    """Below 0.7 of the usual response; or of similarity below what is good in any target."""
+    """It fails below 0.7 of the usual response, or a similarity of 0.15, good for any target."""
     assert has_failed(known[0], similarity, peak) is failed
 
 
 def test_the_similarity_of_a_faint_target_may_be_low(known):
-    """Below 0.6 of the usual one it fails, however little that is."""
+    """With a usual similarity of 0.1 it fails below 0.6 of that."""
     faint = replace(known[0], usual_similarity=0.1)
     assert not has_failed(faint, 0.061, 0.8)
     assert has_failed(faint, 0.059, 0.8)
 
 
 def test_five_frames_of_trusted_similarity_end_the_failure(known):
-    """In a row: a frame between them that isn't, and they count anew."""
+    """They have to be consecutive: a frame of less similarity resets the count."""
     snapshot, _ = known
     redetection = search(snapshot, Verifier(0.0))
     frame = VIDEO.frame(None)
@@ -83,7 +83,7 @@ def test_five_frames_of_trusted_similarity_end_the_failure(known):
 
 @pytest.mark.parametrize('similarity, over', [(0.105, False), (0.115, True)])
 def test_a_faint_target_is_trusted_sooner(known, similarity, over):
-    """From 0.6 of the usual similarity on."""
+    """With a low usual similarity 0.6 of that is trusted."""
     faint = replace(known[0], usual_similarity=0.18)
     redetection, frame = search(faint, Verifier(0.0)), VIDEO.frame(None)
     verdicts = [redetection.update(frame, faint, similarity, 0.1, 1.0) for _ in range(5)]
@@ -92,7 +92,7 @@ def test_a_faint_target_is_trusted_sooner(known, similarity, over):
 
 @pytest.mark.parametrize('peak, over', [(0.7, True), (0.6, False)])
 def test_a_target_seen_well_for_forty_frames_has_changed(known, peak, over):
-    """It's not like the first frame any more, but the response is: that's usual from now on."""
+    """A low similarity at which the response is high again is the usual one from now on."""
     snapshot, _ = known
     redetection = search(snapshot, Verifier(0.0))
     frame = VIDEO.frame(None)
@@ -104,7 +104,7 @@ def test_a_target_seen_well_for_forty_frames_has_changed(known, peak, over):
 
 
 def test_the_usual_response_follows_slowly_meanwhile(known):
-    """By 3 % of the difference."""
+    """It changes by 3 % of the difference in a frame."""
     verdict = search(known[0], Verifier(0.0)).update(
         VIDEO.frame(None), known[0], 0.0, 0.3, 1.0)
     assert verdict.live.usual_response == pytest.approx(0.8 - 0.03 * 0.5)
@@ -112,7 +112,7 @@ def test_the_usual_response_follows_slowly_meanwhile(known):
 
 @pytest.mark.parametrize('dt, frames', [(1.0, 36), (4.0, 36)])
 def test_a_hidden_target_is_searched_on_its_straight_way_on(known, dt, frames):
-    """It's found at once where it's gone since, and isn't where it's taken for resting."""
+    """It's found at once at the extrapolated place, and isn't with a velocity of 0."""
     snapshot, template = known
     velocity = np.subtract(ELSEWHERE, HERE) / frames
     frame = VIDEO.frame(ELSEWHERE)
@@ -127,7 +127,7 @@ def test_a_hidden_target_is_searched_on_its_straight_way_on(known, dt, frames):
 
 @pytest.mark.parametrize('seed', range(3))
 def test_its_colours_tell_where_to_search(known, seed):
-    """Two hundred pixels away, found within a few frames once colours are asked, in the ninth."""
+    """225 px away, it's found once places are proposed by colours, from the ninth frame on."""
     snapshot, template = known
     redetection = search(snapshot, template, seed=seed)
     frame = VIDEO.frame(ELSEWHERE)
@@ -142,7 +142,7 @@ def test_its_colours_tell_where_to_search(known, seed):
 @pytest.mark.parametrize('usual', [0.1, 0.7])
 @pytest.mark.parametrize('similarity, jumps', [(0.08, False), (0.09, True)])
 def test_no_jump_to_what_would_not_be_taken_for_the_target(known, usual, similarity, jumps):
-    """However much or little the target has been like itself lately, and is here."""
+    """The similarity has to be at least 0.085, whatever the usual one."""
     snapshot = replace(known[0], usual_similarity=usual)
     redetection = search(snapshot, Verifier(similarity), (5.0, 3.0), 36.0)
     frame = VIDEO.frame((HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37))
@@ -153,7 +153,7 @@ def test_no_jump_to_what_would_not_be_taken_for_the_target(known, usual, similar
 
 @pytest.mark.parametrize('away, jumps', [(0.25, False), (0.35, True)])
 def test_it_is_not_found_again_at_a_distractor(known, away, jumps):
-    """Within 0.3 sides of one, which looks like it, but motion told the two apart."""
+    """A place within 0.3 sides of a distractor is excluded: motion told it from the target."""
     snapshot, template = known
     place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
     beside = place[0] + away * math.sqrt(math.prod(TARGET)), place[1]
@@ -164,7 +164,7 @@ def test_it_is_not_found_again_at_a_distractor(known, away, jumps):
 
 @pytest.mark.parametrize('here, jumps', [(0.1, False), (0.08, True)])
 def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
-    """The other one has to be better three times; where it isn't plausible, once."""
+    """Another place has to be better in three frames; if this one isn't plausible, in one."""
     snapshot, template = known
     age = 36.0
     redetection = search(snapshot, template, (5.0, 3.0), age)
@@ -175,16 +175,16 @@ def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
         over.append(verdict.over)
         if verdict.over:
             break
-    # every second frame searches the way on
+    # every second frame searches the extrapolated place
     assert len(over) == (1 if jumps else 5) and over[-1] and verdict.elsewhere
 
 
 @pytest.mark.parametrize('usual, here, there, jumps', [
-    (0.7, 0.12, 0.165, False), (0.7, 0.12, 0.175, True),  # 0.05 more, the level
-    (0.2, 0.12, 0.135, False), (0.2, 0.12, 0.145, True),  # 0.02 more, the share
+    (0.7, 0.12, 0.165, False), (0.7, 0.12, 0.175, True),  # a gain of 0.05, the level
+    (0.2, 0.12, 0.135, False), (0.2, 0.12, 0.145, True),  # a gain of 0.02, the share
 ])
 def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
-    """A tenth of what's usual, or a twentieth in all, more than the place has that it leaves."""
+    """It's the lower of a tenth of the usual similarity and 0.05."""
     redetection = search(
         replace(known[0], usual_similarity=usual), Verifier(there), (5.0, 3.0), 36.0)
     over = False
@@ -198,7 +198,7 @@ def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
 @pytest.mark.parametrize('learns, seen, frames', [(True, True, 10), (False, False, 36)])
 def test_a_jump_from_who_is_seen_needs_a_similarity_that_is_trusted(
         known, learns, seen, frames, there, jumps):
-    """In any target, however little the place has that it leaves; below a fixed model too."""
+    """It's 0.13, for a model that doesn't learn, too, however low the present similarity is."""
     model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
     snapshot = replace(known[0], model=model)
     redetection = search(snapshot, Verifier(there), (5.0, 3.0), frames - 1.0)
@@ -208,7 +208,7 @@ def test_a_jump_from_who_is_seen_needs_a_similarity_that_is_trusted(
 
 @pytest.mark.parametrize('offset, jumps', [(0.25, False), (0.35, True)])
 def test_the_present_place_is_no_other_one(known, offset, jumps):
-    """It's the same within 0.3 of the target's size, however much more it resembles there."""
+    """A place within 0.3 of the target's size isn't jumped to, however similar it is."""
     snapshot, template = known
     place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
     live = replace(snapshot, center=(place[0], place[1] - offset * TARGET[1]))
@@ -218,7 +218,7 @@ def test_the_present_place_is_no_other_one(known, offset, jumps):
 
 
 class Draws:
-    """Stands for a generator that draws these places, so many standard deviations off."""
+    """A fake generator that draws these places: their offsets in standard deviations."""
 
     def __init__(self, places, spread):
         """Take the places and the standard deviation, in pixels."""
@@ -229,13 +229,13 @@ class Draws:
         return self._draws.pop(0)
 
     def random(self):
-        """Return that the next place isn't one of the target's colours."""
+        """Return 1, so that no place is proposed by colours."""
         return 1.0
 
 
 @pytest.mark.parametrize('offset', [(0.9, 0.0), (0.0, 1.0), (0.0, -1.1)])
 def test_a_target_near_the_border_of_a_window_is_looked_at_again(known, offset):
-    """There its response is too low to be worth verifying; in the middle of a window it isn't."""
+    """Its response there is too low for verification; in a second window about it it isn't."""
     place = tuple(at + shift * side for at, shift, side in zip(HERE, offset, TARGET))
     frame = VIDEO.frame(place)
     snapshot = replace(
@@ -249,7 +249,7 @@ def test_a_target_near_the_border_of_a_window_is_looked_at_again(known, offset):
 
 @pytest.mark.parametrize('rival, found', [((226.0, 58.0), True), ((60.0, 190.0), False)])
 def test_where_the_live_model_answers_is_looked_at(known, rival, found):
-    """The target is far from all places that are searched else, but near one that answers."""
+    """A target far from all other places that are searched is found if it's near the rival."""
     snapshot, template = known
     redetection = Redetection(
         snapshot, template, (0.0, 0.0), 20.0, Draws([(30.0, 200.0), (40.0, 190.0)], 45.0))
@@ -264,7 +264,7 @@ def test_where_the_live_model_answers_is_looked_at(known, rival, found):
     (0.95, 126.0, 1, True), (0.66, 126.0, 1, False), (0.66, 126.0, 7, True),
     (0.505, 160.0, 100, False)])
 def test_a_lower_response_needs_a_longer_search(known, share, away, before, jumps):
-    """Who has just been hidden is rarely back at once, but who has gone for long no likelier."""
+    """Just after an occlusion the response has to be high; up to a limit, less is enough later."""
     place = HERE[0] + away, HERE[1]
     frame = VIDEO.frame(place)
     snapshot = replace(
@@ -281,10 +281,10 @@ def test_a_lower_response_needs_a_longer_search(known, share, away, before, jump
 @pytest.mark.parametrize('learns, near, far, found', [
     (True, 0.3, 0.33, 'near'), (True, 0.1, 0.6, 'far'),
     (False, 0.3, 0.33, 'far'), (False, 0.33, 0.3, 'near'),
-    (False, 0.0, 0.0, 'far')])  # neither is like it, so the higher response
+    (False, 0.0, 0.0, 'far')])  # neither is similar, so the higher response
 def test_the_nearer_of_two_places_is_the_target_unless_the_other_is_far_more_like_it(
         known, learns, near, far, found):
-    """By odds: how far it has strayed counts beside how it looks; not below a fixed model."""
+    """By log-odds of distance and similarity; with a model that doesn't learn, by similarity."""
     places = {'near': (HERE[0] + 70.0, HERE[1] + 10.0), 'far': ELSEWHERE}
     frame = VIDEO.frame(places['near'])
     there, (x, y) = VIDEO.frame(ELSEWHERE), ELSEWHERE
@@ -292,7 +292,7 @@ def test_the_nearer_of_two_places_is_the_target_unless_the_other_is_far_more_lik
     model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
     snapshot = replace(known[0], model=model)
     if not near:
-        # some of it is covered there, so the response is less
+        # partly covered there, so that the response is lower
         snapshot = replace(snapshot, usual_response=0.4)
         left, top = (int(at) for at in places['near'])
         frame[top:top + TARGET[1] // 2, left - TARGET[0] // 2:left + TARGET[0] // 2] = 128
@@ -312,9 +312,9 @@ def test_the_nearer_of_two_places_is_the_target_unless_the_other_is_far_more_lik
 
 @pytest.mark.parametrize('learns, usual, here, follows', [
     (False, 0.7, 0.1, True), (True, 0.7, 0.1, False),
-    (False, 2.0, 0.1, False), (False, 0.7, 0.9, False)])  # too low for it, or no higher than here
+    (False, 2.0, 0.1, False), (False, 0.7, 0.9, False)])  # less than usual, or no more than here
 def test_a_model_that_never_learns_is_followed_unverified(known, learns, usual, here, follows):
-    """To a far higher response, usual for the target; but it isn't found until it's verified."""
+    """It moves to a far higher, usual response; the failure is over only once it's verified."""
     model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
     snapshot = replace(known[0], model=model, usual_response=usual)
     redetection = search(snapshot, Verifier(0.0), (5.0, 3.0), 36.0)
@@ -326,7 +326,7 @@ def test_a_model_that_never_learns_is_followed_unverified(known, learns, usual, 
 
 @pytest.mark.parametrize('here, frames', [(0.034, 1), (0.036, 5)])
 def test_the_present_place_of_a_faint_target_is_plausible_sooner(known, here, frames):
-    """From 0.35 of what's usual on; then a jump takes three better places, else one."""
+    """From 0.35 of the usual similarity on; then a jump takes three better places, else one."""
     faint = replace(known[0], usual_similarity=0.1)
     redetection = search(faint, Verifier(0.5), (5.0, 3.0), 36.0)
     for count in range(1, 7):
@@ -337,7 +337,7 @@ def test_the_present_place_of_a_faint_target_is_plausible_sooner(known, here, fr
 
 
 def test_the_way_on_grows_with_the_time_of_each_frame(known):
-    """With seven frame intervals between the frames, seven steps a frame."""
+    """With an interval of seven frames, the extrapolation goes on by seven steps."""
     snapshot, template = replace(known[0], center=(60.0, 90.0)), known[1]
     redetection = search(snapshot, template, (4.0, 2.0), 2.0)
     nothing = VIDEO.frame(None)
@@ -352,7 +352,7 @@ def test_the_way_on_grows_with_the_time_of_each_frame(known):
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('velocity', [(0.0, 0.0), (4.0, 2.0)])
 def test_long_after_a_target_is_searched_where_it_was_seen_last(known, velocity, seed):
-    """It was seen again at another place, and lost there: after 60 frames that's where to look."""
+    """After 60 frames the place where it was seen last replaces the extrapolated one."""
     snapshot, template = known
     redetection = search(snapshot, template, velocity, 50.0, seed)
     nothing, there = VIDEO.frame(None), replace(snapshot, center=ELSEWHERE)
@@ -367,7 +367,7 @@ def test_long_after_a_target_is_searched_where_it_was_seen_last(known, velocity,
 
 @pytest.mark.parametrize('seed', range(5))
 def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
-    """It's given the other's place, but the target is searched from where that one lost it."""
+    """It takes over the other's place, but searches from where that one lost the target."""
     first, nothing = VIDEO.frame(HERE), VIDEO.frame(None)
     leader, other = (Localiser(first, HERE, TARGET, np.random.default_rng(seed)) for _ in range(2))
 
@@ -388,5 +388,5 @@ def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
 
 
 def test_the_size_of_an_uncertain_target_is_bounded(known):
-    """By half as much again, up and down, of the first width times the factor of before."""
+    """They are 1.5 times more and less than the last size, as factors of the given width."""
     assert search(known[0], Verifier(0.0)).bounds(TARGET[0] / 2) == (2 / 1.5, 2 * 1.5)

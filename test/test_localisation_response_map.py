@@ -1,4 +1,4 @@
-"""A response map: where it's highest, what is uphill, and what is dominated."""
+"""A response map: its maximum, its local maxima, and dominated places."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ def place(x, y):
 
 
 def response(values, angle=0.0):
-    """Return the map of some values; what the window shows plays no part."""
+    """Return a map of these values; it doesn't depend on the window's content."""
     return ResponseMap(Grid(CENTER, CELL, angle), values)
 
 
 @pytest.mark.parametrize('x, y', [(0.0, 0.0), (3.3, -2.2), (-5.4, 4.4)])
 def test_the_highest_is_between_the_cells(x, y):
-    """A paraboloid's top is found to the last digit; the peak is the highest cell's."""
+    """The maximum of a paraboloid is found to 1e-4 px; `peak` is the highest cell's value."""
     found = response(hill(x, y, 1.0))
     assert found.peak == found.values.max()
     assert found.center == pytest.approx(place(x, y), abs=1e-4)
@@ -41,13 +41,13 @@ def test_the_highest_is_between_the_cells(x, y):
 
 @pytest.mark.parametrize('start', [(5.0, 0.0), (7.0, 1.0), (3.3, -2.2), (5.2, -4.1), (2.0, 1.0)])
 def test_uphill_leads_to_the_highest_from_its_own_hill(start):
-    """Near or far, the same place to the last bit; above the hill's foot on its own side."""
+    """From anywhere on the highest hill the local maximum is exactly the map's maximum."""
     found = response(np.maximum(hill(3.3, -2.2, 1.0), hill(-6.2, 4.1, 0.8)))
     assert found.local_maximum(place(*start)) == found.center
 
 
 def test_uphill_leads_to_a_lesser_top_from_its_hill_unless_it_is_dominated():
-    """The climb stays on the hill; which of two tops is believed depends on their heights."""
+    """The climb stays on the lower hill; its top is dominated if the other one is much higher."""
     for height, believed in ((0.98, True), (0.8, False)):
         found = response(np.maximum(hill(3.0, -2.0, 1.0), hill(-6.0, 4.0, height)))
         lesser = found.local_maximum(place(-5.0, 5.0))
@@ -58,7 +58,7 @@ def test_uphill_leads_to_a_lesser_top_from_its_hill_unless_it_is_dominated():
 
 
 def test_the_highest_at_the_border_is_at_its_cell():
-    """There's nothing beyond to refine it with."""
+    """A maximum at the border isn't refined."""
     values = np.zeros((ROWS, COLUMNS), np.float32)
     values[0, 5] = 1
     found = response(values)
@@ -66,7 +66,7 @@ def test_the_highest_at_the_border_is_at_its_cell():
 
 
 def test_sharpness_is_the_peak_to_sidelobe_ratio():
-    """The highest response less the others' mean, in their deviations, its own peak left out."""
+    """It's the peak minus the mean of the cells away from it, in their standard deviations."""
     values = np.random.default_rng(1).normal(0.1, 0.05, (ROWS, COLUMNS)).astype(np.float32)
     values[6:11, :4] = 0.8
     values[8, 1] = 0.9
@@ -80,7 +80,7 @@ def test_sharpness_is_the_peak_to_sidelobe_ratio():
 
 @pytest.mark.parametrize('angle', [0.0, 0.6, -2.5])
 def test_places_of_a_turned_window_turn_with_it(angle):
-    """Cells become places and places cells; a cell to the right is one along the angle."""
+    """Cells and places convert both ways; one cell to the right is a step along the angle."""
     found = response(hill(3.3, -2.2, 1.0), angle)
     along = found.window.at((1.0, 0.0))
     assert along == pytest.approx((CENTER[0] + CELL[0] * math.cos(angle),

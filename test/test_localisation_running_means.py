@@ -6,7 +6,7 @@ from vtrack_ros.localisation.running_means import latest_weight, mean_velocity
 
 
 def test_a_velocity_is_a_running_mean():
-    """Of steps in pixels a frame, the latest one with its weight."""
+    """It's a moving average of steps, [px/frame], with a weight of the latest one."""
     velocity = mean_velocity((0.0, 0.0), (10.0, 10.0), (18.0, 10.0), 2.0, 0.3)
     assert velocity == pytest.approx((0.3 * 4, 0.0))
     velocity = mean_velocity(velocity, (18.0, 10.0), (18.0, 13.0), 1.0, 0.3)
@@ -14,7 +14,7 @@ def test_a_velocity_is_a_running_mean():
 
 
 def test_a_mean_begins_as_a_plain_one_and_goes_on_at_its_rate():
-    """Of four values all count the same; from the tenth on the latest one has the rate."""
+    """The first four values have equal weights; from the tenth on the latest has the rate."""
     mean = 0.0
     for time, value in enumerate((8.0, 2.0, 4.0, 6.0), start=1):
         mean += latest_weight(0.1, 1.0, time) * (value - mean)
@@ -24,5 +24,5 @@ def test_a_mean_begins_as_a_plain_one_and_goes_on_at_its_rate():
 
 
 def test_a_step_longer_than_the_mean_is_all_of_it():
-    """After a gap the latest value counts alone, and never more."""
+    """After a gap the weight of the latest value is 1, and never more."""
     assert latest_weight(0.5, 30.0, 40.0) == 1.0

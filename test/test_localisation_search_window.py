@@ -1,4 +1,4 @@
-"""Windows beside one another: described together, they are what each of them would be alone."""
+"""Neighbouring windows that are described together equal windows that are described alone."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FRAME = texture((320, 400), COLOURS, 12, np.random.default_rng(3))
 
 @pytest.mark.parametrize('channels', [3, 1])
 def test_windows_described_together_are_those_described_alone(channels):
-    """The same image and colours to the last bit, and the same features but near the border."""
+    """Image and colours are identical, and the features nearly so: they differ near the border."""
     frame = FRAME if channels == 3 else cv2.cvtColor(FRAME, cv2.COLOR_BGR2GRAY)
     beside = LAYOUT.windows_beside(frame, HERE, SIZE, 0.0, AROUND)
     for (right, down), found in zip(AROUND, beside, strict=True):

@@ -1,4 +1,4 @@
-"""Targets that turn in the image are localised as they're turned."""
+"""Targets that rotate in the image are localised in windows of their angle."""
 
 from drawn_card import DrawnCard
 import numpy as np
@@ -22,7 +22,7 @@ def localised(drawn, angles, center=CENTER):
 
 
 def test_a_turned_window_shows_the_target_as_it_stood():
-    """The response is twice as high, and its places are those in the frame."""
+    """Its response is twice that of an upright window, and has its maximum at the target."""
     drawn, turn = DrawnCard(), 0.8
     localiser = localised(drawn, [0.0] * 3)
     moved = (CENTER[0] + 6, CENTER[1] - 4)
@@ -37,7 +37,7 @@ def test_a_turned_window_shows_the_target_as_it_stood():
 
 
 def test_who_is_taken_for_turned_but_stands_upright_is_upright_again():
-    """A turn that was added up from steps may be wrong: the first look decides."""
+    """A sum of measured turns may be wrong: the initial template corrects the angle to 0."""
     drawn = DrawnCard()
     localiser = localised(drawn, [0.0] * 3)
     localiser.transform(1.0, 0.3)
@@ -50,7 +50,7 @@ def test_who_is_taken_for_turned_but_stands_upright_is_upright_again():
 @pytest.mark.parametrize('angle', [0.32, -0.6])
 @pytest.mark.parametrize('error', [0.15, -0.15])
 def test_an_error_of_the_rotation_is_put_right(angle, error):
-    """The first look tells by which angle the target has turned, to half a step of .1 rad."""
+    """The initial template corrects the angle to 0.06 rad, about half a step of 0.1 rad."""
     drawn = DrawnCard()
     localiser = localised(drawn, [0.0] * 3)
     localiser.transform(1.0, angle + error)
@@ -61,7 +61,7 @@ def test_an_error_of_the_rotation_is_put_right(angle, error):
 
 
 def test_who_has_turned_stays_so():
-    """Upright it's less like its first look."""
+    """Its angle stays, for upright it's less similar to the initial template."""
     drawn = DrawnCard()
     localiser = localised(drawn, [0.0] * 3)
     localiser.transform(1.0, 0.3 + 2 * np.pi)
@@ -73,7 +73,7 @@ def test_who_has_turned_stays_so():
 
 @pytest.mark.parametrize('name', ['gmpf', 'pqkpf', 'pf', 'abmspf', 'appf'])
 def test_a_target_is_followed_while_it_turns(name):
-    """A half turn on its way; clockwise is positive, and the box bounds the ellipse in it."""
+    """Over half a turn, clockwise, the box has an IoU above 0.7 with the bound of the ellipse."""
     drawn = DrawnCard()
     tracker = create_tracker(name, seed=0)
     tracker.start(drawn.frame((100.0, 110.0)), drawn.box((100.0, 110.0)))
@@ -90,7 +90,7 @@ def test_a_target_is_followed_while_it_turns(name):
 
 @pytest.mark.parametrize('name', ['gmpf', 'dcf'])
 def test_a_target_that_only_moves_has_no_rotation(name):
-    """Its box keeps its aspect."""
+    """Its angle stays below 0.05 rad, and its box keeps its aspect."""
     drawn = DrawnCard()
     tracker = create_tracker(name, seed=0)
     tracker.start(drawn.frame((100.0, 110.0)), drawn.box((100.0, 110.0)))

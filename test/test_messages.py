@@ -1,4 +1,4 @@
-"""What a tracker knows, as messages: signs, units, and nothing made up."""
+"""Estimates as messages: signs, units, and unknown values."""
 
 import math
 
@@ -54,7 +54,7 @@ def test_theta_is_counterclockwise():
 
 
 def test_plain_box_where_there_is_no_frame():
-    """Without an affine frame the bound is what is known."""
+    """Without an affine frame it's the upright bounding box."""
     bounds = oriented_box(TYPES, estimate(angle=0.3))
     assert bounds.center.theta == 0.0
     assert (bounds.center.position.x, bounds.center.position.y) == (25.0, 40.0)
@@ -62,7 +62,7 @@ def test_plain_box_where_there_is_no_frame():
 
 
 def test_covariance_layout():
-    """Row by row over position and rotation; what isn't known of the rotation is uniform."""
+    """Row by row over position and rotation; an unknown angle has a uniform one's variance."""
     position = np.arange(1.0, 10.0).reshape(3, 3)
     message = poses.pose_with_covariance(TYPES, (1.0, 2.0, 3.0), 0.0, position)
     full = message.covariance.reshape(6, 6)
@@ -73,7 +73,7 @@ def test_covariance_layout():
 
 
 def test_twist_layout():
-    """Row by row over the velocity and how it turns, which nobody knows; all 0 for NaN."""
+    """Row by row over linear and angular velocity, the latter unknown; all 0 for NaN."""
     covariance = np.arange(1.0, 10.0).reshape(3, 3)
     message = poses.twist_with_covariance(TYPES, np.array([1.0, 2.0, 3.0]), covariance)
     linear, angular = message.twist.linear, message.twist.angular

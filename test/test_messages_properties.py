@@ -1,4 +1,4 @@
-"""Messages of any origin: what is read of them is sound, or refused by a ValueError."""
+"""Arbitrary messages: what is read of them is valid, or they're refused with a ValueError."""
 
 import json
 from types import SimpleNamespace
@@ -14,13 +14,13 @@ from vtrack_ros.messages.images import compressed_to_frame, ENCODINGS, to_frame
 from vtrack_ros.session.saved_target import MARK, SavedTarget
 
 SIZES = st.integers(0, 9) | st.integers(0, 2**32 - 1)
-#: Lengths near the right ones and elsewhere.
+#: Offsets from the right lengths, mostly 0.
 OFF = st.sampled_from([0, 0, 0, 0, 1, -1, 7])
 
 
 @st.composite
 def images(draw):
-    """Draw an image message, more often right than not."""
+    """Draw an image message, more often a valid one than not."""
     encoding = draw(st.sampled_from([*ENCODINGS]) | st.text('bgr8_ ', max_size=8))
     known = ENCODINGS.get(encoding)
     width, height = draw(SIZES), draw(SIZES)
@@ -43,7 +43,7 @@ def sound(frame, width=None, height=None):
 
 @given(images())
 def test_an_image_is_a_frame_or_refused(message):
-    """Of its width and height, whatever step, encoding and data say."""
+    """A frame has the message's width and height, whatever step, encoding and data are."""
     try:
         frame = to_frame(message)
     except ValueError as error:
@@ -70,7 +70,7 @@ def damaged(draw, contents):
 # The size in a header must not be believed: none of these takes the memory of a large image.
 @given(damaged(FILES) | st.binary(max_size=60), st.sampled_from(['jpeg', 'png', '', 'x']))
 def test_a_compressed_image_is_a_frame_or_refused(data, kind):
-    """Whole, damaged, cut off, or never one."""
+    """Whole, damaged and cut-off files, and random bytes, are each read as a frame or refused."""
     try:
         frame = compressed_to_frame(SimpleNamespace(format=kind, data=data))
     except ValueError as error:
@@ -91,7 +91,7 @@ NUMBERS = st.floats() | st.floats(-10, 10) | st.sampled_from([0.0, 1.0, 100.0])
         SimpleNamespace, x_offset=SIZES, y_offset=SIZES, width=SIZES, height=SIZES,
         do_rectify=st.booleans())), st.floats(-100, 1000), st.floats(-100, 1000))
 def test_a_calibration_is_a_camera_or_refused(info, x, y):
-    """With a camera there is a finite place with a finite covariance, or none."""
+    """An accepted one gives a finite position with a finite covariance, or None."""
     try:
         camera = camera_from_info(info)
     except ValueError as error:
@@ -114,7 +114,7 @@ VALUES = st.recursive(
 @given(damaged([TARGET.encode()]), st.sampled_from(sorted(json.loads(TARGET))), VALUES)
 @example(TARGET.encode(), 'format', None)
 def test_a_saved_target_is_one_or_refused(data, name, value):
-    """Damaged bytes, and values of any kind where others belong."""
+    """With damaged bytes, or with values of wrong types, it's read as a target or refused."""
     rows = json.loads(TARGET)
     rows[name] = value
     for text in (data.decode('latin-1'), f'{MARK}, {json.dumps(rows)[1:]}'):

@@ -1,4 +1,4 @@
-"""Nodes of their own: mismatches, clocks, and several side by side."""
+"""Nodes in processes of their own: QoS mismatches, clocks, and several nodes side by side."""
 
 import re
 import subprocess
@@ -17,7 +17,7 @@ BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
 
 
 def test_image_publisher_that_cannot_match_is_said_within_a_second():
-    """With reliable asked for, a best-effort camera gives no image: said at once, both ways."""
+    """A reliable node reports a best-effort publisher in the log and the diagnostics at once."""
     with NodeProcess(reliability='reliable') as process, Client(publish=None) as client:
         client.hear('/diagnostics', DiagnosticArray)
         client.ready()
@@ -37,14 +37,14 @@ def test_image_publisher_that_cannot_match_is_said_within_a_second():
 
 
 def test_wrong_type_on_the_image_topic_is_said():
-    """A publisher of CompressedImage on image is no silence."""
+    """A publisher of CompressedImage on the topic image is logged as one of the wrong type."""
     with NodeProcess() as process, Client(publish=CompressedImage) as client:
         process.wait_for_log('sends sensor_msgs/msg/CompressedImage, not sensor_msgs/msg/Image')
         assert client.images is not None
 
 
 def test_every_input_takes_what_its_publisher_offers():
-    """A best-effort calibration is used; another type on a selection is named."""
+    """A best-effort calibration is used; a wrong type on a selection topic is reported."""
     best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     with NodeProcess(init_box=BOX) as process, Client() as client:
         client.hear('/diagnostics', DiagnosticArray)
@@ -69,19 +69,19 @@ def test_every_input_takes_what_its_publisher_offers():
 
 
 def test_two_cameras_on_one_topic_are_told_once():
-    """Their images would be taken as one stream."""
+    """Two publishers of images are warned of once: their images would be taken as one stream."""
     with NodeProcess() as process, Client() as client, Client() as other:
         client.ready()
         process.wait_for_log('/image has 2 publishers')
         other.ready()
         heard = client.heard['~/state']
         del heard[:]
-        # Three seconds' worth of what an idle node says.
+        # An idle node publishes its state once a second: wait for three seconds.
         client.until(lambda: len(heard) >= 3, 'no state')
         assert process.log.count('publishers: their images') == 1
 
 
-#: Says on the standard error what Python loads.
+#: Writes the name of every module that Python imports to the standard error.
 TELL_LOADS = """
 class Loads:
     def find_spec(self, name, path=None, target=None):
@@ -91,7 +91,7 @@ sys.meta_path.insert(0, Loads())
 
 
 def test_nothing_is_loaded_while_images_come():
-    """Read for the first time, and compiled, a module stops the node for several frames."""
+    """No module is imported once images come: that would stop the node for several frames."""
     with NodeProcess(prelude=TELL_LOADS, init_box=BOX, target_width=0.6,
                      target_frame='ball') as process, Client() as client:
         camera = client.publisher('camera_info', CameraInfo)
@@ -105,7 +105,7 @@ def test_nothing_is_loaded_while_images_come():
         camera.publish(calibration)
         since, stamp = process.log.index('images are taken'), 10**9
         for index in range(40):
-            # frames are lost, stamps shake, and the target darts off
+            # dropped frames, jitter of the stamps and, from frame 30 on, a target that jumps
             stamp += STEP * (4 if index % 9 == 8 else 1) + index % 5 * STEP // 20
             client.send(SCENE.frame(index if index < 30 else 9 * index), stamp)
         _, _, values = diagnosis(client, '/tracker: images',
@@ -118,7 +118,7 @@ def test_nothing_is_loaded_while_images_come():
 
 
 def test_first_line_says_what_to_do():
-    """It names the topic of the images, and the ways to point out a target."""
+    """It names the topic of the images, and the topics and the parameter that select a target."""
     with NodeProcess('-r', '__ns:=/arm', '-r', 'image:=/camera/image_raw') as process:
         process.wait_for_log('\n')
         line = process.log.splitlines()[0]
@@ -131,7 +131,7 @@ def test_first_line_says_what_to_do():
 
 
 def test_sim_time():
-    """With use_sim_time the diagnostics have the time of /clock, and the images their own."""
+    """With use_sim_time diagnostics have the time of /clock; images keep their own stamps."""
     with NodeProcess(use_sim_time='true', init_box=BOX), Client() as client:
         arrays = client.hear('/diagnostics', DiagnosticArray)
         client.ready()
@@ -147,12 +147,12 @@ def test_sim_time():
 
 
 def send_at(client, index):
-    """Send a frame in a stream of its own."""
+    """Send a frame of the scene, stamped at 30 Hz from 1 s on."""
     return client.send(SCENE.frame(index), 10**9 + STEP * index)
 
 
 def test_trackers_in_namespaces():
-    """Side by side on one stream, each with its own target, and none with a stale answer."""
+    """Three nodes on one image topic answer every image, each with the target's box in it."""
     names = ['/a', '/b', '/c']
     processes, clients = [], []
     try:
@@ -182,7 +182,7 @@ def test_trackers_in_namespaces():
 
 
 def test_without_vision_msgs():
-    """The node says what to install, and does without: targets by region, poses out."""
+    """Without vision_msgs the node logs what to install, takes a region and publishes poses."""
     with NodeProcess(prelude="sys.modules['vision_msgs'] = None") as process, Client() as client:
         process.wait_for_log('ros-jazzy-vision-msgs')
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
@@ -205,14 +205,14 @@ def test_without_vision_msgs():
 
 
 def test_slip_of_the_pen_from_the_start_is_told():
-    """An unknown parameter on the command line is no silence."""
+    """An unknown parameter on the command line is logged, with the valid name."""
     with NodeProcess(gmpf__particels=100) as process:
         log = process.wait_for_log("unknown parameter 'gmpf.particels' ignored")
         assert 'gmpf.particles' in log
 
 
 def test_quality_of_service_that_is_not_overridden_is_told():
-    """Other nodes have qos_overrides; here they'd be in vain, and what is instead is said."""
+    """qos_overrides of an input have no effect: the log names the parameter to use instead."""
     name = 'qos_overrides./image.subscription.reliability'
     clock = 'qos_overrides./clock.subscription.depth'
     with NodeProcess('-p', f'{name}:=best_effort', '-p', f'{clock}:=2') as process:
@@ -223,7 +223,7 @@ def test_quality_of_service_that_is_not_overridden_is_told():
 
 
 def test_example_of_the_manual(repository):
-    """The program that node.md shows points out a target, and prints its boxes."""
+    """The program in node.md selects a target, and prints its boxes."""
     text = (repository / 'docs' / 'node.md').read_text()
     program, = re.findall('```python\n(.*?)```', text, re.DOTALL)
     scene = Scene(480, 360)

@@ -1,7 +1,7 @@
 """
-Bad input, and what the node says to it: it lives, and tracks the next good frame.
+Bad input: the node reports the reason, keeps running, and tracks the next good frame.
 
-`python test/test_node_bad_input.py` writes what it says into docs/results/bad_input.md.
+`python test/test_node_bad_input.py` writes the reasons into docs/results/bad_input.md.
 """
 
 from contextlib import contextmanager
@@ -54,7 +54,7 @@ def camera_info(fx=100.0, fy=100.0, model='plumb_bob', d=(), width=160, height=1
     return message
 
 
-#: What is sent on image: name, message, what the node says.
+#: Malformed images: (name, message, part of the reason).
 IMAGES = [
     ('no data', image(data=b''), 'image data has 0 bytes'),
     ('data one byte short', image(data=bytes(57599)), '57599 bytes'),
@@ -78,7 +78,7 @@ IMAGES = [
      'at least 3 x 3'),
 ]
 
-#: What is sent to the selections: name, topic, type, message, what the node says.
+#: Wrong selections: (name, topic, message, part of the reason).
 SELECTIONS = [
     ('box without size', '~/init', init(width=0.0), 'must be positive'),
     ('box of negative size', '~/init', init(height=-4.0), 'must be positive'),
@@ -100,7 +100,7 @@ SELECTIONS = [
     ('point of long ago', '~/init_point', point(80.0, 60.0, seconds=1), 'too old'),
 ]
 
-#: What is sent on camera_info: name, message, what the node says.
+#: Wrong calibrations, sent on camera_info: (name, message, part of the reason).
 CALIBRATIONS = [
     ('not calibrated', camera_info(fx=0.0), 'not calibrated'),
     ('focal length of no number', camera_info(fx=NAN), 'not calibrated'),
@@ -109,7 +109,7 @@ CALIBRATIONS = [
     ('coefficient of no number', camera_info(d=(NAN, 0.0, 0.0, 0.0, 0.0)), 'finite'),
 ]
 
-#: Parameters: name, value, what the node says.
+#: Wrong parameters: (name, value, part of the reason).
 PARAMETERS = [
     ('tracker', 'csrt', 'must be one of gmpf'),
     ('tracker', 7, 'must be one of gmpf'),
@@ -139,14 +139,14 @@ PARAMETERS = [
 
 @pytest.fixture(scope='module')
 def talk():
-    """Return a client of a node that has its target."""
+    """Return a client of a node that tracks the target."""
     with talking() as client:
         yield client
 
 
 @contextmanager
 def talking():
-    """Start a node, and return a client that has shown it its target."""
+    """Start a node, select its target, and yield its client."""
     with NodeProcess() as process, Client() as client:
         client.ready()
         client.process = process
@@ -168,14 +168,14 @@ def good_frame(client):
 
 
 def restart(client):
-    """Have the target selected again; it's there with the next frame."""
+    """Select the target again, by init_box; the next frame must have a detection."""
     box = SCENE.box(client.index + 1)
     assert client.change(init_box=box.as_array().tolist())[0].successful
     assert good_frame(client).detections
 
 
 def send_other(client, topic, message, words):
-    """Send a bad selection or calibration, and good frames until the node has said the words."""
+    """Send a bad message, then good frames until the log has the words; return the new log."""
     since = len(client.process.log)
     client.publishers[topic].publish(message)
     for _ in range(100):
@@ -187,14 +187,14 @@ def send_other(client, topic, message, words):
 
 @pytest.mark.parametrize('name, message, words', IMAGES, ids=[row[0] for row in IMAGES])
 def test_reason_of_a_malformed_image(name, message, words):
-    """What is wrong is told, and what would be right."""
+    """The error's text says what is wrong, or what is valid."""
     assert words in reason(to_frame, message)
 
 
 @pytest.mark.parametrize('name, message, words', CALIBRATIONS,
                          ids=[row[0] for row in CALIBRATIONS])
 def test_reason_of_a_wrong_calibration(name, message, words):
-    """What is wrong is told, and what would be right."""
+    """The error's text says what is wrong, or what is valid."""
     assert words in reason(camera_from_info, message)
 
 
@@ -210,7 +210,7 @@ def test_images(talk):
                                for row in states[-1].values), f'{name} is not counted')
         assert len(talk.heard['detections']) == answers
         assert good_frame(talk).detections
-    # It's said, but not with every one of them.
+    # The log is throttled: not every one of them is logged.
     talk.process.wait_for_log('image dropped: image data has 0 bytes', since)
 
 
@@ -224,7 +224,7 @@ def test_selections(talk, name, topic, message, words):
 
 
 def test_calibrations(talk):
-    """A wrong calibration takes the place of a good one: the pose goes back to pixels."""
+    """A wrong calibration replaces a good one: the pose is in pixels again."""
     restart(talk)
     since = len(talk.process.log)
 
@@ -252,14 +252,14 @@ def test_parameters(talk, name, value, words):
 
 
 def reason(read, message):
-    """Return what is said of a message that can't be read."""
+    """Return the text of the error that a function raises for a message that it can't read."""
     with pytest.raises(ValueError) as raised:
         read(message)
     return str(raised.value)
 
 
 def write_page(path):
-    """Write a table of all bad input and what the node says to it."""
+    """Write a table of all bad input and the reasons that the node gives."""
     rows = [(f'image: {name}', f'image dropped: {reason(to_frame, message)}')
             for name, message, _ in IMAGES]
     with talking() as client:

@@ -1,4 +1,4 @@
-"""What the node says of itself: lost and found, diagnostics, mismatches, and work nobody wants."""
+"""The node's reports: state, diagnostics and QoS mismatches; and outputs made on demand."""
 
 import importlib.util
 import time
@@ -44,7 +44,7 @@ def send(client, index, visible=True):
 
 
 def test_diagnostics_tell_the_flow(client):
-    """Rate, latency, processing and counts of the images; the target's state beside them."""
+    """/diagnostics has rate, latency, processing time and counts of images, and the state."""
     for index in range(40):
         assert send(client, index).detections
     level, _, values = diagnosis(client, '/tracker: target',
@@ -63,7 +63,7 @@ def test_diagnostics_tell_the_flow(client):
 
 
 def test_missing_frames_are_noticed(client):
-    """The stamps tell that every other frame never came, and the report says what to do."""
+    """Every other frame is missing: the stamps show it, and the report warns with a cause."""
     for index in range(20):
         send(client, index)
     before = int(client.state_after(send(client, 20))['frames_missing'])
@@ -78,7 +78,7 @@ def test_missing_frames_are_noticed(client):
 
 
 def test_a_dead_camera_is_no_good_target(client):
-    """When nothing comes any more, nothing is tracked any more, until something comes again."""
+    """When no images come the state is stale, with a warning, until the next image."""
     for index in range(3):
         assert send(client, index).detections
     level, message, values = diagnosis(
@@ -86,7 +86,7 @@ def test_a_dead_camera_is_no_good_target(client):
     assert level == b'\x01' and message == 'stale' and values['box'] == 'stale'
     client.until(lambda: client.heard['~/state'][-1].message == 'stale', 'no word of it')
     assert client.heard['~/state'][-1].level == b'\x01'
-    # A change is told when it happens, whenever the second is over.
+    # A change of state is published at once, not only with the report of each second.
     assert client.state_after(send(client, 3))['state'] == 'tracking'
     diagnosis(client, '/tracker: target',
               lambda row, values: row.message == 'tracking' and row.level == b'\x00')
@@ -106,7 +106,7 @@ def test_one_early_stamp_keeps_the_target(client, process):
 
 
 def test_malformed_images_are_told_from_silence(client):
-    """A camera that sends malformed images alone is said to do so, and why."""
+    """If all images are malformed, the diagnostics say so, with the reason."""
     assert send(client, 0).detections
     index = 0
 
@@ -126,9 +126,9 @@ def test_malformed_images_are_told_from_silence(client):
 
 def test_lost_and_found(client, process):
     """
-    While the target is out of sight there is no box and no pose, and the state says so.
+    While the target is hidden there is no box and no pose, and the state says so.
 
-    When it's back it's found again, and the log has told of both.
+    When it's back it's found again, and the log has both changes of state.
     """
     for index in range(15):
         assert overlap(send(client, index), SCENE.box(index)) > 0.4
@@ -145,7 +145,7 @@ def test_lost_and_found(client, process):
     state = client.state_after(hidden[-1])
     assert state['state'] in ('searching', 'lost') and state['box'] == 'predicted'
     assert state['level'] in (b'\x01', b'\x02')
-    # Where it went, not where it was: the search has to find it.
+    # It's back where it was last seen, not where it is predicted: the search has to find it.
     back = [client.send(SCENE.frame(14), client.start + STEP * index) for index in range(75, 105)]
     assert overlap(back[-1], SCENE.box(14)) > 0.4
     log = process.log[since:]
@@ -153,7 +153,7 @@ def test_lost_and_found(client, process):
 
 
 def test_lazy_pictures_and_particles(client):
-    """Particles and picture come when somebody listens, with the image's header."""
+    """Particles and debug image are published for subscribers, the latter in the image's frame."""
     assert send(client, 0).detections
     picture = client.hear('~/debug_image', Image)
     particles = client.hear('~/particles', PoseArray)
@@ -218,7 +218,7 @@ def test_camera_info_makes_rays_and_metres(client, process):
 
     assert client.change(pose_units='pixels')[0].successful
     assert units('pixels')
-    # What can't be had isn't replaced by something else.
+    # Units that aren't available aren't replaced by others.
     assert client.change(pose_units='metres', target_width=0.0)[-1].successful
     heard = len(client.heard['pose'])
     assert units('')
@@ -235,7 +235,7 @@ def test_camera_info_makes_rays_and_metres(client, process):
 
 
 def with_target_frame(client, words):
-    """Show the node a calibration, a width and a name for the target; it says or sends words."""
+    """Set calibration, target_width and target_frame; send frames until `words` returns true."""
     publisher = client.publisher('camera_info', CameraInfo)
     message = CameraInfo(width=SCENE.width, height=SCENE.height)
     message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
@@ -253,7 +253,7 @@ def with_target_frame(client, words):
 
 
 def test_transform_without_tf2_msgs_is_said(client, process):
-    """Where tf2_msgs is missing the node says what to install, and goes on."""
+    """Without tf2_msgs the node logs what to install, and goes on."""
     if importlib.util.find_spec('tf2_msgs') is not None:
         pytest.skip('tf2_msgs is installed')
     since = len(process.log)
@@ -261,7 +261,7 @@ def test_transform_without_tf2_msgs_is_said(client, process):
 
 
 def test_transform(client):
-    """With tf2_msgs the target is a frame, where the pose is."""
+    """With tf2_msgs the transform of target_frame equals the pose."""
     tf2 = pytest.importorskip('tf2_msgs.msg', reason='needs tf2_msgs')
     transforms = client.hear('/tf', tf2.TFMessage)
     with_target_frame(client, lambda: bool(transforms))
@@ -274,7 +274,7 @@ def test_transform(client):
 
 
 def test_subscriber_that_cannot_match_is_told(client, process):
-    """Who asks for what isn't offered is told of in log and diagnostics, until it has gone."""
+    """A subscriber with incompatible QoS is reported in log and diagnostics while it exists."""
     since = len(process.log)
     qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     from geometry_msgs.msg import PoseStamped
@@ -289,7 +289,7 @@ def test_subscriber_that_cannot_match_is_told(client, process):
 
 
 def test_reset_is_in_the_state(client):
-    """After a reset the state is waiting, and that's no error."""
+    """After a reset the state is waiting, which is no error."""
     assert send(client, 0).detections
     assert client.ask('~/reset', Trigger).success
     state = client.state_after(send(client, 1))
@@ -298,7 +298,7 @@ def test_reset_is_in_the_state(client):
 
 
 def test_large_images_that_are_lost_on_the_way_are_told_of():
-    """As without the profile: the log says once what is to be done."""
+    """When large images are lost, as without our profile, the log advises it."""
     frame = np.zeros((480, 640, 3), np.uint8)
     with NodeProcess('-r', '__ns:=/far') as process, Client('/far/tracker') as client:
         client.ready()
@@ -307,6 +307,6 @@ def test_large_images_that_are_lost_on_the_way_are_told_of():
             assert time.monotonic() < began + 30, process.log
             index += 1 + (index % 4 == 0)
             client.send(frame, 10**9 + step * index)
-            # as a camera does: who falls behind its own stamps isn't taken for one that lost some
+            # in real time: a publisher that falls behind its own stamps isn't diagnosed as lossy
             time.sleep(max(0.0, began + 1e-9 * step * index - time.monotonic()))
         assert 'use the Fast DDS profile config/fastdds.xml on both sides' in process.log

@@ -1,4 +1,4 @@
-"""Images as they come: every encoding, broken ones, changing ones, late ones, none."""
+"""Image input: encodings, changes of encoding, size and stamps, QoS, compression and remaps."""
 
 from geometry_msgs.msg import PoseStamped
 from node_harness import Client, image_message, NodeProcess, overlap, Scene, STEP
@@ -87,7 +87,7 @@ ENCODINGS = {
 @pytest.mark.parametrize('padding', [0, 13])
 @pytest.mark.parametrize('name', ENCODINGS)
 def test_encodings(client, process, name, padding):
-    """Whatever the encoding, the row's padding and the byte order, the target is found."""
+    """Whatever the encoding, the row's padding and the byte order, the target is tracked."""
     for index in range(6):
         pixels, bigendian = ENCODINGS[name](SCENE.frame(index))
         stamp = client.start + STEP * index
@@ -103,7 +103,7 @@ def test_encodings(client, process, name, padding):
 
 
 def test_encoding_changes_in_mid_stream(client, process):
-    """From colour to another colour order the target stays; a change to grey forgets it."""
+    """A change of the colour order keeps the target; a change to grey ends the tracking."""
     assert overlap(send(client, SCENE.frame(0)), SCENE.box(0)) > 0.5
     answer = send(client, np.ascontiguousarray(SCENE.frame(1)[..., ::-1]), 'rgb8')
     assert overlap(answer, SCENE.box(1)) > 0.5
@@ -130,7 +130,7 @@ def test_size_changes_in_mid_stream(client, process):
 
 
 def test_stamps_that_go_backwards_begin_again(client, process):
-    """A bag that loops starts on init_box again; nothing of the first pass is left."""
+    """A bag that loops starts on init_box again, and gives the same boxes as in the first pass."""
     first = [send(client, SCENE.frame(i)) for i in range(20)]
     since = len(process.log)
     client.index = 0
@@ -141,7 +141,7 @@ def test_stamps_that_go_backwards_begin_again(client, process):
 
 
 def test_stamps_that_go_backwards_forget_a_selected_target(client, process):
-    """Without init_box a loop ends the tracking, until somebody selects again; the log says so."""
+    """Without init_box a loop ends the tracking until the next selection; the log says so."""
     assert all(send(client, SCENE.frame(i)).detections for i in range(5))
     assert client.change(init_box=[])[0].successful
     assert send(client, SCENE.frame(5)).detections
@@ -153,14 +153,14 @@ def test_stamps_that_go_backwards_forget_a_selected_target(client, process):
 
 
 def test_stamps_that_stand_still(client):
-    """A driver that doesn't stamp its images is served as well."""
+    """Images that all have the same stamp are tracked."""
     for index in range(10):
         answer = client.send(SCENE.frame(index), client.start)
         assert overlap(answer, SCENE.box(index)) > 0.4
 
 
 def test_clocks_from_zero_to_the_far_future(client):
-    """Stamps are the image's to the nanosecond, whatever they are."""
+    """Detections have their image's stamp, whatever it is, to the nanosecond."""
     future, heard = (2**31 - 2) * 10**9 + 999_999_999, client.heard['detections']
     message, before = image_message(SCENE.frame(0), future), len(heard)
 
@@ -168,10 +168,10 @@ def test_clocks_from_zero_to_the_far_future(client):
         client.images.publish(message)
         client.executor.spin_once(timeout_sec=0.1)
         return len(heard) > before
-    # One frame of the far future is a mistake, three are a clock that was set forward.
+    # A frame stamped in the far future is dropped as late; the third in a row is accepted.
     client.until(answered, 'no answer in another time')
     for stamp in future, 1_700_000_000_123_456_789, 1:
-        # A clock that is set back makes no new beginning for init_box.
+        # When the clock is set back, init_box isn't selected again by itself.
         client.send(SCENE.frame(0), stamp)
         assert client.change(init_box=SCENE.box(0).as_array().tolist())[0].successful
         answer = client.send(SCENE.frame(0), stamp)
@@ -181,7 +181,7 @@ def test_clocks_from_zero_to_the_far_future(client):
 
 
 def test_best_effort_publisher(process, client):
-    """A publisher that offers best effort alone is heard without being asked for."""
+    """Images of a best-effort publisher are received with the default settings."""
     since = len(process.log)
     with Client(reliability='BEST_EFFORT') as other:
         other.ready()
@@ -191,7 +191,7 @@ def test_best_effort_publisher(process, client):
 
 
 def test_compressed():
-    """With image_transport compressed, JPEG and PNG come on image/compressed."""
+    """With image_transport compressed, JPEG and PNG on image/compressed are tracked."""
     import cv2
     box = SCENE.box(0)
     with NodeProcess(image_transport='compressed',

@@ -1,4 +1,4 @@
-"""The managed node: the same node, brought up in steps."""
+"""The lifecycle (managed) node: its transitions, and what each of them keeps."""
 
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
@@ -16,7 +16,7 @@ def change(client, transition):
 
 
 def test_from_unconfigured_to_finalized():
-    """Images are taken while active alone; deactivating keeps the target, cleaning up doesn't."""
+    """Images are only taken while active; deactivating keeps the target, cleaning up doesn't."""
     box = SCENE.box(0)
     init = f'[{box.x}, {box.y}, {box.width}, {box.height}]'
     with NodeProcess(entry='lifecycle_main', init_box=init) as process, Client() as client:
@@ -49,12 +49,12 @@ def test_from_unconfigured_to_finalized():
         assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
         process.wait_for_log('the target of before is kept', said)
-        # What was sent in the meantime wasn't lost: nobody wanted it.
+        # Images that were sent while it was inactive don't count as missing.
         answer = client.send(SCENE.frame(5), 10**9 + 20 * STEP)
         assert overlap(answer, SCENE.box(5)) > 0.4
         assert client.state_after(answer)['frames_missing'] == '0'
 
-        # Who subscribes to the diagnostics is told of the last second, not of all before.
+        # A new subscriber gets diagnostics of the last second, not of all the time before.
         client.send(SCENE.frame(6), 10**9 + 21 * STEP, 'nonsense', answered=False)
         process.wait_for_log('image dropped')
         heard = len(client.heard['~/state'])
@@ -77,7 +77,7 @@ def test_from_unconfigured_to_finalized():
 
 
 def test_transition_that_is_not_possible_is_answered():
-    """A manager that asks for the wrong step is told so, and may go on with the right one."""
+    """An impossible transition fails, the log names the valid ones, and these still work."""
     with NodeProcess(entry='lifecycle_main') as process, Client(publish=None) as client:
         assert client.parameters.wait_for_services(20)
         for transition in (Transition.TRANSITION_ACTIVATE, 99):

@@ -1,4 +1,4 @@
-"""How the target moves, over DDS: the twist, and a pose that is ahead of its image."""
+"""The target's motion over DDS: the twist, and a pose that is predicted to the present."""
 
 from diagnostic_msgs.msg import DiagnosticArray
 from drawn_card import DrawnCard
@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo
 
 SCENE = Scene()
 BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
-#: The scene's square goes to the right by two pixels a frame.
+#: Speed of the scene's square to the right, [px/s]: two pixels per frame.
 SPEED = 2e9 / STEP
 FRAMES = 13
 PLACE = ('pose', 'pose_with_covariance', 'twist')
@@ -26,7 +26,7 @@ def process():
 
 @pytest.fixture(scope='module')
 def client(process):
-    """Return a client that hears where the target is and how it moves."""
+    """Return a client that subscribes to poses, twists and diagnostics."""
     with Client() as client:
         client.hear('/diagnostics', DiagnosticArray)
         client.hear('pose_with_covariance', PoseWithCovarianceStamped)
@@ -42,7 +42,7 @@ def _fresh(client):
 
 
 def play(client, visible=lambda index: True):
-    """Send the scene; return detections, poses and twists when all have come."""
+    """Send the scene; return non-empty detections, poses, poses with covariance, and twists."""
     answers = [client.send(SCENE.frame(i, visible(i)), client.start + STEP * i)
                for i in range(FRAMES)]
     heard = [client.heard[topic] for topic in PLACE]
@@ -57,7 +57,7 @@ def stamp(message):
 
 
 def test_twist_comes_with_every_pose(client):
-    """In px/s, with the image's header, and only while the target is measured."""
+    """Twists are in px/s, with the image's header, and only sent while the target is measured."""
     answers, poses, exact, twists = play(client, lambda index: not 8 <= index < 11)
     assert 8 <= len(answers) < FRAMES
     for answer, pose, sure, twist in zip(answers, poses, exact, twists):
@@ -75,10 +75,10 @@ def test_twist_comes_with_every_pose(client):
 
 def test_pose_is_ahead_of_its_image(client, process):
     """
-    With predict_to_now it's that of the node's clock, moved by the velocity times the age.
+    With predict_to_now the pose has the clock's time, and is moved by velocity times age.
 
-    Before there is a time, and for an image that is older than half a second, it isn't predicted;
-    the log says so. The clock is simulated, and stands still.
+    Before the clock has a time, and for images older than half a second, it isn't predicted,
+    which is logged. The clock is simulated, and stands still.
     """
     assert client.get('predict_to_now') == [False]
     assert client.change(predict_to_now=True)[0].successful
@@ -127,7 +127,7 @@ def test_pose_is_ahead_of_its_image(client, process):
 
 
 def test_metres_per_second(client):
-    """With a calibration and the target's width: 24 px wide at fx = 200 px, 0.24 m is 2 m away."""
+    """With calibration and width twists are in m/s: 0.24 m are 24 px at fx = 200 px and 2 m."""
     message = CameraInfo(width=SCENE.width, height=SCENE.height, distortion_model='plumb_bob')
     message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
     assert client.change(target_width=0.24)[0].successful
@@ -154,7 +154,7 @@ def test_metres_per_second(client):
 
 
 def test_a_turned_target_is_as_far_away_as_before(client):
-    """Its depth is by its own width, not by that of its bound; and the pose turns with it."""
+    """Its depth is computed from its own width, not its bound's; and the pose rotates with it."""
     drawn, center, angle = DrawnCard(), (150.0, 120.0), 1.2
     message = CameraInfo(width=320, height=240, distortion_model='plumb_bob')
     message.k = [200.0, 0.0, 159.5, 0.0, 200.0, 119.5, 0.0, 0.0, 1.0]

@@ -1,4 +1,4 @@
-"""Setting a parameter does its work once: one check of the value, no tracker made in vain."""
+"""Setting a parameter checks it once, and only creates a tracker where one is needed."""
 
 from collections import Counter
 
@@ -15,7 +15,7 @@ from vtrack_ros.trackers import create_tracker
 
 @pytest.fixture
 def work(monkeypatch):
-    """Count the checks of every parameter, and the trackers that are made."""
+    """Return counts of the checks of every parameter, and of the trackers that are created."""
     counted = Counter()
     check = Parameter.checked
 
@@ -43,7 +43,7 @@ def node(work):
 
 
 def test_only_the_tracker_in_use_is_made_at_the_start(node, work):
-    """The tables check the parameters of the others."""
+    """Only gmpf is created; the other trackers' parameters are checked by their tables."""
     assert [name for name in work if name.startswith('make')] == ['make gmpf']
 
 
@@ -51,7 +51,7 @@ def test_only_the_tracker_in_use_is_made_at_the_start(node, work):
     ('gmpf.particles', 80, {}), ('pf.particles', 80, {}), ('seed', 3, {}),
     ('tracker', 'pf', {'make pf': 1})])
 def test_once_is_enough(node, work, name, value, made):
-    """One check of the value that is set; a tracker is made only where it's another one."""
+    """The value is checked once; a tracker is only created if another one is chosen."""
     work.clear()
     result = node.set_parameters_atomically([RosParameter(name, value=value)])
     assert result.successful
@@ -62,7 +62,7 @@ def test_once_is_enough(node, work, name, value, made):
 
 
 def test_a_refused_value_changes_nothing(node, work):
-    """Neither what ROS tells, nor what the tracker does."""
+    """An atomic change with a wrong value sets none; without `atomically` the valid one is set."""
     wrong = [RosParameter('seed', value=5), RosParameter('gmpf.particles', value=0)]
     assert not node.set_parameters_atomically(wrong).successful
     assert node.get_parameter('seed').value == 0

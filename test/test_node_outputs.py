@@ -1,4 +1,4 @@
-"""What the node publishes: the right numbers, under the image's own header, or nothing."""
+"""What the node publishes: detections, boxes and poses, with the image's header."""
 
 from node_harness import Client, NodeProcess, overlap, Scene
 import pytest

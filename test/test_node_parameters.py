@@ -1,4 +1,4 @@
-"""Parameters over real services: declared from the table, refused whole, in force at once."""
+"""Parameters over real services: declared from the table, set or refused, in force at once."""
 
 import math
 
@@ -103,7 +103,7 @@ def test_refused_with_reason_and_range(talk, name, value, told):
 
 
 def test_refused_atomically(talk):
-    """Of several changes at once none is made when one is wrong."""
+    """An atomic change with one wrong value changes nothing."""
     _, client = talk
     before = client.get('gmpf.particles', 'tracker', 'seed')
     result = client.set_atomically(seed=7, gmpf__particles=77, tracker='nobody')
@@ -113,7 +113,7 @@ def test_refused_atomically(talk):
 
 
 def test_a_request_that_cannot_be_read_ends_nothing(talk):
-    """A value of a type that doesn't exist is no reason to die."""
+    """After a value of a type that doesn't exist the node goes on tracking."""
     from rcl_interfaces.msg import Parameter, ParameterValue
     _, client = talk
     caller = client.node.create_client(SetParameters, '/tracker/set_parameters')
@@ -141,7 +141,7 @@ def test_in_force_on_the_next_frame(talk):
 
 
 def test_another_tracker_keeps_the_target(talk):
-    """Every tracker takes over where the one before was."""
+    """Every tracker continues at the previous one's target."""
     scene, client = talk
     for tracker in (*tracker_names(replicas=False), 'gmpf'):
         assert client.change(tracker=tracker)[0].successful
@@ -150,14 +150,14 @@ def test_another_tracker_keeps_the_target(talk):
         assert all(answer.detections for answer in answers), tracker
         assert overlap(answers[0], scene.box(start)) > 0.25, tracker
         client.until(lambda: client.heard['~/state'][-1].hardware_id == tracker, tracker)
-        # Back on firm ground for the next one.
+        # Start on the true box again, so that errors don't accumulate.
         box = scene.box(start + 1)
         assert client.change(init_box=[box.x, box.y, box.width, box.height])[0].successful
         assert tracks_on(talk, 1)
 
 
 def test_another_localiser_keeps_the_target(talk):
-    """A network takes over at once; without its files, or with a wrong one, nothing changes."""
+    """A network continues at once; without its files, or with a wrong one, nothing changes."""
     _, client = talk
     refused = client.change(gmpf__localiser='siamese', gmpf__siamese__head='/nowhere.onnx')
     assert not any(result.successful for result in refused)
@@ -170,7 +170,7 @@ def test_another_localiser_keeps_the_target(talk):
 
 
 def test_a_tracker_of_opencv_knows_no_covariance(talk):
-    """All 0 is what ROS has for unknown; a tracker whose files aren't named is refused."""
+    """Its covariance is all 0, unknown in ROS; a tracker whose files aren't named is refused."""
     scene, client = talk
     refused = client.change(tracker='opencv_vit')[0]
     assert not refused.successful and 'opencv_vit needs' in refused.reason
@@ -183,7 +183,7 @@ def test_a_tracker_of_opencv_knows_no_covariance(talk):
 
 
 def test_init_box_takes_integers_floats_and_nothing(talk):
-    """However YAML spells the four numbers, they are a box; none means no new start."""
+    """init_box may be four integers or four floats; an empty one keeps the present target."""
     scene, client = talk
     box = scene.box(client.index)
     numbers = [box.x, box.y, box.width, box.height]
@@ -194,7 +194,7 @@ def test_init_box_takes_integers_floats_and_nothing(talk):
 
 
 def test_choices_of_integers(talk, tmp_path):
-    """A number is given as one: while the node runs, and in a file."""
+    """A parameter with integer choices takes an integer, while the node runs and in a file."""
     _, client = talk
     assert client.change(abmspf_paper__levels=8)[0].successful
     assert client.get('abmspf_paper.levels') == [8]
@@ -208,7 +208,7 @@ def test_choices_of_integers(talk, tmp_path):
 
 @pytest.mark.parametrize('by_file', [False, True])
 def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
-    """The documented default may be given as well: nothing is selected, and a box may follow."""
+    """The default, an empty init_box, may be given: nothing is selected; a box may follow."""
     path = tmp_path / 'parameters.yaml'
     path.write_text('/**:\n  ros__parameters:\n    init_box: []\n')
     arguments = ['--params-file', str(path)] if by_file else ['-p', 'init_box:=[]']
@@ -231,7 +231,7 @@ def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
     ('init_box', '[300, 200.5, 60, 80]', ['same type', '[300.0, 200.0, 60.0, 80.0]']),
 ])
 def test_wrong_from_the_start(name, value, told):
-    """A node that is started with a wrong value says so in a line, and ends with code 2."""
+    """A node that is started with a wrong value prints the reason, and ends with code 2."""
     process = NodeProcess(**{name: value})
     assert process.process.wait(20) == 2
     process.stop()
@@ -248,7 +248,7 @@ def test_wrong_from_the_start(name, value, told):
     (['--', '--help'], 0, 'init_box'),
 ])
 def test_arguments(arguments, code, told):
-    """Arguments that mean nothing are told in a line; --help explains."""
+    """Invalid arguments are named, and end the node with code 2; --help prints the usage."""
     process = NodeProcess(*arguments)
     assert process.process.wait(20) == code
     process.stop()
@@ -256,7 +256,7 @@ def test_arguments(arguments, code, told):
 
 
 def test_middleware_that_refuses(tmp_path):
-    """A node that isn't let in, for it has no keys or the middleware no locks, says so."""
+    """A node that DDS security rejects (no keys, or no support) prints the error; code 2."""
     (tmp_path / 'enclaves' / 'vtrack' / 'tracker').mkdir(parents=True)
     secured = {'ROS_SECURITY_KEYSTORE': str(tmp_path), 'ROS_SECURITY_ENABLE': 'true',
                'ROS_SECURITY_STRATEGY': 'Enforce'}
@@ -271,7 +271,7 @@ def test_middleware_that_refuses(tmp_path):
 
 @pytest.mark.parametrize('missing', ['rclpy', 'sensor_msgs'])
 def test_without_ros(missing):
-    """One line says what is missing, and how to come by it."""
+    """One line says what is missing and how to install it; the exit code is 2."""
     process = NodeProcess(prelude=f'sys.modules[{missing!r}] = None')
     assert process.process.wait(20) == 2
     process.stop()

@@ -1,4 +1,4 @@
-"""The node and a run without any node say the same, bit for bit."""
+"""The node and a session without a node give the same results, bit for bit."""
 
 from itertools import islice
 

@@ -1,4 +1,4 @@
-"""Ending the node."""
+"""Ending the node by signals."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ import pytest
 from shared_segments import segments
 from vtrack_ros.dds import SHARED_MEMORY
 
-#: The last one is a closed terminal's.
+#: Signals that end the node; closing a terminal sends the last one.
 ENDING = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
@@ -46,7 +46,7 @@ def test_signal_while_loading(number):
 
 
 def test_who_was_started_by_nohup_outlives_the_terminal():
-    """What ignores a closed terminal from the start goes on doing so."""
+    """A node that is started with SIGHUP ignored goes on tracking after that signal."""
     scene = Scene()
     process = NodeProcess(prelude='import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)',
                           init_box='[20, 30, 24, 24]')
@@ -59,7 +59,7 @@ def test_who_was_started_by_nohup_outlives_the_terminal():
 
 @pytest.fixture
 def hanging(tmp_path):
-    """Return an environment in which the middleware never lets go of a node."""
+    """Return an environment in which the middleware hangs when a node is destroyed."""
     if not shutil.which('cc'):
         pytest.skip('needs a C compiler')
     library = tmp_path / 'hanging.so'
@@ -74,12 +74,12 @@ def hanging(tmp_path):
     (['ros.main'], 0), (['cli.command_line', 'play', 'bags/face_fast'], 128 + signal.SIGINT)],
     ids=['node', 'player'])
 def test_a_middleware_that_hangs_does_not_keep_it(hanging, repository, program, code):
-    """Fast DDS may never end a participant: the process ends, and leaves no memory behind."""
+    """If the middleware hangs, the process ends all the same, and frees its shared memory."""
     process = subprocess.Popen(
         [sys.executable, '-m', f'vtrack_ros.{program[0]}', *program[1:]], cwd=repository,
         env=hanging, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
-        # The first line says that it runs.
+        # The first line is printed once it runs.
         process.stdout.readline()
         shared = segments([process.pid])
         process.send_signal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""A node that is killed goes on with its target, from what it had saved."""
+"""The state file: after a node was killed, the next one continues with its saved target."""
 
 import json
 import os
@@ -23,7 +23,7 @@ def box_parameter(box):
 
 
 def saved(path, process, client, scene, index):
-    """Send frames until the target has been saved on a later one than now; return the next."""
+    """Send frames until the file has been written (again); return the next frame's index."""
     before = path.stat().st_mtime_ns if path.exists() else 0
     deadline = time.monotonic() + 20
     while not path.exists() or path.stat().st_mtime_ns == before:
@@ -35,7 +35,7 @@ def saved(path, process, client, scene, index):
 
 
 def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
-    """No new selection, no init_box: the same target with the same name, elsewhere by now."""
+    """A new node tracks the same target, with its id, where it is by now, whatever init_box is."""
     path = tmp_path / 'target.json'
     process = NodeProcess(state_file=path, init_box=box_parameter(scene.box(0)))
     try:
@@ -44,11 +44,11 @@ def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
             index = saved(path, process, client, scene, 0)
             first = client.send(scene.frame(index), START + STEP * index)
     finally:
-        # The client has gone before: where another process was killed, Fast DDS crashes now and
-        # then (1 in 70 times on a busy machine) as it takes a participant's shared memory down.
+        # The client has ended before: where another process was killed, Fast DDS sometimes (1 in
+        # 70 times on a busy machine) crashes when it removes a participant's shared memory.
         assert process.stop(signal.SIGKILL) != 0
     index += 12
-    # What is in init_box now is long gone from there.
+    # The target isn't in this init_box, over which the saved target takes precedence.
     with NodeProcess(state_file=path, init_box='[100, 90, 30, 20]') as process, (
             Client()) as client:
         client.ready()
@@ -58,14 +58,14 @@ def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
         assert overlap(answers[-1], scene.box(index + 9)) > 0.5
         assert answers[-1].detections[0].id == first.detections[0].id
         assert client.state_after(answers[-1])['state'] == 'tracking'
-    # Ended in good order, it saves the latest there is.
+    # When it ends cleanly, it saves the target as of the latest frame.
     state, latest = json.loads(path.read_text()), answers[-1].header.stamp
     assert state['stamp'] == latest.sec * 10**9 + latest.nanosec
     assert os.listdir(tmp_path) == ['target.json']
 
 
 def test_a_target_that_was_given_up_stays_so(tmp_path, scene):
-    """After ~/reset there is nothing on disk to come back."""
+    """~/reset removes the file."""
     from std_srvs.srv import Trigger
     path = tmp_path / 'target.json'
     with NodeProcess(state_file=path, init_box=box_parameter(scene.box(0))) as process:
@@ -77,7 +77,7 @@ def test_a_target_that_was_given_up_stays_so(tmp_path, scene):
 
 
 def test_a_full_disk_is_told_once(tmp_path, scene):
-    """The target is tracked all the same, and what was saved before stays."""
+    """If the file can't be written that's logged once, tracking goes on, and no file is left."""
     path = tmp_path / 'target.json'
     limit = 'import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))'
     with NodeProcess(prelude=limit, state_file=path,
@@ -94,7 +94,7 @@ def test_a_full_disk_is_told_once(tmp_path, scene):
 
 
 def test_what_cannot_be_used_is_refused_once(tmp_path, scene):
-    """A damaged file makes way for the next target; what isn't the node's is left alone."""
+    """A damaged file is logged once and overwritten; a file that isn't the node's is kept."""
     damaged, foreign = tmp_path / 'damaged.json', tmp_path / 'foreign.yaml'
     damaged.write_text('{"format": "vtrack_ros target 1", "node": "/tra')
     foreign.write_text('tracker: gmpf\n')
@@ -105,7 +105,7 @@ def test_what_cannot_be_used_is_refused_once(tmp_path, scene):
         saved(damaged, process, client, scene, 0)
         assert json.loads(damaged.read_text())['node'] == '/tracker'
         assert process.log.count('is not used') == 1
-    # Saved by the node before; but these images are of another camera.
+    # The file that the node before saved isn't used for images of another size.
     other = Scene(200, 100)
     with NodeProcess(state_file=damaged, init_box=box_parameter(other.box(0))) as process, (
             Client()) as client:

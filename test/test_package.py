@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import pytest
 
 EXECUTABLES = ('tracker', 'tracker_lifecycle', 'vtrack')
-#: How long discovery, an answer or an end may take before a test gives up, in seconds.
+#: Time-out for discovery, for an answer and for the end of a process, in seconds.
 PATIENCE = 30.0
 
 
@@ -89,9 +89,9 @@ def test_pip(repository: Path, tmp_path: Path) -> None:
 
 def test_sources_that_are_not_installed_have_the_version_of_the_manifest(repository: Path,
                                                                          tmp_path: Path) -> None:
-    """They are used as they are beside other trackers; a copy without a manifest has none."""
+    """Sources used uninstalled (beside other trackers) have it; without manifest: 'unknown'."""
     script = 'from vtrack_ros import __version__; print(__version__)'
-    # Without site-packages nothing is installed.
+    # -S leaves out site-packages, as if nothing were installed.
     assert run(sys.executable, '-S', '-c', script, cwd=repository).strip() == (
         ElementTree.parse(repository / 'package.xml').findtext('version'))
     shutil.copytree(repository / 'vtrack_ros', tmp_path / 'vtrack_ros')

@@ -8,7 +8,7 @@ import pytest
 
 
 def test_a_verdict_needs_an_interval_clear_of_the_limit(from_benchmarks):
-    """Above, below or astride; and with few runs no verdict at all."""
+    """The verdict is open if the interval contains the limit, or if there are too few runs."""
     outcomes = from_benchmarks('paper_experiments.outcomes')
     rng = np.random.default_rng(1)
     lower, higher = rng.normal(2, 0.1, 12), rng.normal(4, 0.1, 12)
@@ -23,7 +23,7 @@ def test_a_verdict_needs_an_interval_clear_of_the_limit(from_benchmarks):
 
 
 def test_a_share_of_all_runs_has_an_interval_too(from_benchmarks):
-    """Ten of ten are surely more than half, three of three aren't; shares stay in 0 to 1."""
+    """Ten of ten are above 0.5, three of three are too few; bounds of none are from 0 to 0.5."""
     outcomes = from_benchmarks('paper_experiments.outcomes')
     assert outcomes.share(np.ones(10)).above(0.5) == outcomes.HOLDS
     assert outcomes.share(np.ones(3)).above(0.5) == outcomes.OPEN
@@ -32,7 +32,7 @@ def test_a_share_of_all_runs_has_an_interval_too(from_benchmarks):
 
 
 def test_run_k_is_seed_k_on_its_film_and_is_kept(from_benchmarks, tmp_path):
-    """Two films, three runs; what was run or rendered before isn't again."""
+    """Three runs on two films use them in turn; repeated, they come from the cache."""
     films = from_benchmarks('paper_experiments.films')
     outcomes = from_benchmarks('paper_experiments.outcomes')
     cache = importlib.import_module('vtrack_ros.evaluation.cache').RunCache(tmp_path)
@@ -50,7 +50,7 @@ def test_run_k_is_seed_k_on_its_film_and_is_kept(from_benchmarks, tmp_path):
 
 
 def test_one_seed_gives_json_and_a_page(from_benchmarks, tmp_path):
-    """No standard errors, which are left out, and no verdicts; what isn't there stays as it is."""
+    """With one seed the page has no standard errors, and open verdicts; other papers are kept."""
     films = from_benchmarks('paper_experiments.films')
     outcomes = from_benchmarks('paper_experiments.outcomes')
     page = from_benchmarks('paper_experiments.page')

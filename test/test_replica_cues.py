@@ -1,4 +1,4 @@
-"""What the papers' filters measure and weight boxes with, and Qi and Li's fusion to the letter."""
+"""The cues of the papers' filters: measurement, likelihood, and Qi and Li's fusion as printed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def picture(*centers):
 
 
 def started(edges=False):
-    """Return cues that know the square at (80, 60), and its box."""
+    """Return cues that were started on the square at (80, 60), and its box."""
     box = np.array([80.0, 60.0, SIDE, SIDE])
     cues = BoxCues(edges, 'flat')
     cues.sigma = 0.1
@@ -35,7 +35,7 @@ def started(edges=False):
 
 @pytest.mark.parametrize('shift', [(0, 0), (5, 0), (-4, 6), (0, -7)])
 def test_the_target_is_measured_where_it_is(shift):
-    """Beside the prediction, to less than a tenth of its side, and sure of it."""
+    """Beside the prediction its centre is right to a tenth of a side; the covariance is small."""
     cues, box = started()
     place = box[:2].astype(int) + shift
     cues.observe(picture(place), box)
@@ -45,7 +45,7 @@ def test_the_target_is_measured_where_it_is(shift):
 
 
 def test_two_likely_places_are_measured_as_uncertainty():
-    """The mean lies between them, and the covariance reaches to both, along their line alone."""
+    """The mean lies between them, and the covariance is large along their line only."""
     cues, box = started()
     small = box * [1, 1, 0.5, 0.5]
     cues.start(picture((80, 60)), small)
@@ -60,7 +60,7 @@ def test_two_likely_places_are_measured_as_uncertainty():
 
 
 def test_nothing_like_the_target_tells_nothing():
-    """All places are alike: the prediction, with an error as wide as the search."""
+    """With equal likelihoods the measurement is the prediction, with a wide covariance."""
     cues, box = started()
     cues.observe(np.full((120, 160, 3), 128, np.uint8), box)
     center, covariance = cues.measure(box, SIDE)
@@ -69,7 +69,7 @@ def test_nothing_like_the_target_tells_nothing():
 
 
 def test_the_likelihood_is_that_of_bhattacharyyas_coefficient():
-    """Half of a target that's seen has rho = sqrt(1/2): exp(-(1 - rho) / (2 sigma^2))."""
+    """A box on half of the target has rho = sqrt(1/2): exp(-(1 - rho) / (2 sigma^2))."""
     cues, box = started()
     cues.observe(picture((80, 60)), box)
     half = box + [SIDE / 2, 0, 0, 0]
@@ -79,7 +79,7 @@ def test_the_likelihood_is_that_of_bhattacharyyas_coefficient():
 
 
 def test_sizes_out_of_range_and_places_outside_are_unlikely():
-    """Bounds are soft: farther is less likely."""
+    """Bounds are soft: beyond them the likelihood falls with the distance."""
     cues, box = started(edges=True)
     cues.observe(picture((80, 60)), box)
     sizes = np.stack([box * [1, 1, scale, scale] for scale in (5, 6, 7)])
@@ -90,7 +90,7 @@ def test_sizes_out_of_range_and_places_outside_are_unlikely():
 
 
 def test_masses_of_equations_16_to_19():
-    """Worked out by hand for three particles."""
+    """The weights are those worked out by hand for three particles."""
     colour, edge = np.array([2.0, 1.0, 1.0]), np.array([1.0, 3.0, 0.0])
     w_d, w_edge = np.array([0.5, 0.25, 0.25]), np.array([0.25, 0.75, 0.0])
     # eq. 18 with the denominator of Dempster's rule
@@ -101,14 +101,14 @@ def test_masses_of_equations_16_to_19():
 
 
 def test_many_masses_are_close_to_the_product():
-    """With masses of about 1/N nothing is left of the theory."""
+    """With masses of about 1/N Dempster's rule gives the normalised product, to 2 %."""
     likelihoods = np.random.default_rng(0).uniform(0.5, 1.0, (2, 500))
     expected = likelihoods.prod(0) / likelihoods.prod(0).sum()
     assert_allclose(np.exp(normalised_masses(likelihoods, np.ones(2))), expected, rtol=0.02)
 
 
 def test_a_cue_that_abstains_leaves_the_other_ones_order():
-    """Its masses are 1/N for all particles; a scale of the likelihoods changes nothing."""
+    """Its masses are 1/N for all particles; the scale of the likelihoods has no effect."""
     colour = np.random.default_rng(0).uniform(size=20)
     silent = np.full(20, np.nan)
     found = normalised_masses(np.stack([colour, silent]), np.ones(2))
@@ -117,7 +117,7 @@ def test_a_cue_that_abstains_leaves_the_other_ones_order():
 
 
 def test_certain_cues_that_contradict_each_other_leave_no_weight():
-    """All weights are zero, which the filter takes for no measurement."""
+    """All weights are zero, which the filter treats as no measurement."""
     found = normalised_masses(np.eye(2), np.ones(2))
     assert (found == -np.inf).all()
 
@@ -128,7 +128,7 @@ def seen(points, descriptors):
 
 
 def test_consecutive_keypoints_measure_the_last_step():
-    """Rotation and translation since the frame before; what isn't on the target doesn't count."""
+    """They give its rotation and translation; keypoints that aren't on the target are ignored."""
     rng = np.random.default_rng(1)
     descriptors = rng.uniform(0, 100, (24, 128)).astype(np.float32)
     state = affine.from_vector(np.array([np.log(40.0), 0, 0, 0, 100, 80]))
@@ -139,7 +139,7 @@ def test_consecutive_keypoints_measure_the_last_step():
     meter.learn(state)
     move = affine.from_vector(np.array([0.0, 0, 0.2, 0, 7, -3]))
     moved = inside @ move[:2, :2].T + move[:2, 2]
-    # those beyond the target stand still, and would outvote it if they counted
+    # keypoints outside the target stand still, and would outvote its own if they were used
     change = meter.measure(seen([*moved, *outside, *outside], np.concatenate(
         [descriptors, descriptors[12:] + 50])), state, rng)
     assert_allclose(change.matrix, move, atol=1e-6)

@@ -29,7 +29,7 @@ def test_the_target_itself_is_most_like_itself(colour):
 
 
 def test_what_leaves_the_image_has_no_similarity():
-    """Half a target beyond the border is less alike, a whole one not at all."""
+    """A target half outside the image is less similar; one fully outside has similarity 0."""
     frame = ellipse((0, 120), (40, 20))
     model = EllipseColours.create(
         ellipse((160, 120), (40, 20)), np.array([160.0, 120.0]), matrix(40, 20))
@@ -40,7 +40,7 @@ def test_what_leaves_the_image_has_no_similarity():
 
 
 def test_all_candidates_at_once_are_as_one_by_one():
-    """Scoring is a function of the candidate alone."""
+    """Each candidate's score is the same alone as among others."""
     frame = ellipse((160, 120), (40, 20))
     model = EllipseColours.create(frame, np.array([160.0, 120.0]), matrix(40, 20))
     centers = np.random.default_rng(2).uniform(0, 240, (30, 2))
@@ -64,7 +64,7 @@ def axes_of(form):
 
 
 def test_an_unchanged_target_keeps_its_bandwidth():
-    """A target whose weights are as they were is a fixed point: it doesn't grow by 1.56."""
+    """An unchanged target keeps its axes to 3 %, instead of growing by 1.56."""
     center, form = np.array([160.0, 120.0]), matrix(40, 20)
     model = EllipseColours.create(ellipse(center, (40, 20)), center, form)
     for seed in range(5):
@@ -73,7 +73,7 @@ def test_an_unchanged_target_keeps_its_bandwidth():
 
 
 def test_the_moment_of_a_uniform_ellipse_is_a_quarter():
-    """The factor 4 / sigma^2 of eq. 11: the normalisation undoes a moment of 1/4 of the frame."""
+    """The factor 4 / sigma^2 of eq. 11: normalisation is by the inverse of that moment of 1/4."""
     center, form = np.array([160.0, 120.0]), matrix(40, 20)
     model = EllipseColours.create(ellipse(center, (40, 20)), center, form)
     assert model.moment @ model.moment == pytest.approx(4 * np.eye(2), rel=0.15, abs=0.1)
@@ -91,7 +91,7 @@ def test_the_bandwidth_follows_growth_and_shrinkage(factor):
 
 
 def test_the_bandwidth_follows_rotation():
-    """A target that turns by 3 degrees a frame has its angle in the bandwidth matrix."""
+    """The bandwidth matrix has the angle of a target that rotates by 3 degrees per frame."""
     center, form = np.array([160.0, 120.0]), matrix(40, 20)
     model = EllipseColours.create(ellipse(center, (40, 20)), center, form)
     for index in range(1, 11):
@@ -112,7 +112,7 @@ def test_the_printed_moment_of_one_colour_all_over():
 
 
 def test_the_printed_moment_ends_at_a_quarter_more_than_the_target():
-    """The background's colours have no weight: the second moment is the target's alone."""
+    """On a background without weight the printed eq. 11 converges on 1.25 times the axes."""
     center, form = np.array([160.0, 120.0]), matrix(40, 20)
     frame = ellipse(center, (40, 20))
     model = EllipseColours.create(frame, center, form, weighted=False)

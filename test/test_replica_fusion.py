@@ -1,4 +1,4 @@
-"""Rules of fusion against the theory of evidence, worked out by sets."""
+"""Rules of fusion, compared with the theory of evidence computed on sets."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def combined(masses):
 
 @pytest.mark.parametrize('trusts', [(0.9, 0.4), (0.3, 0.3), (0.7, 0.2, 0.6)])
 def test_dempsters_rule_by_intersections_of_sets(trusts):
-    """Discounted masses on {target}, {other} and both; half of the unknown is the target's."""
+    """It's the pignistic probability of discounted masses on {target}, {other} and both."""
     likelihoods = np.random.default_rng(0).uniform(size=(len(trusts), 9))
     found = np.exp(dempster_shafer(likelihoods, np.array(trusts)))
     for column, value in zip(likelihoods.T, found):
@@ -41,7 +41,7 @@ def test_dempsters_rule_by_intersections_of_sets(trusts):
 
 
 def test_full_trust_gives_the_normalised_product():
-    """It is p q / (p q + (1 - p)(1 - q)), to the doubt that is always left."""
+    """It is p q / (p q + (1 - p)(1 - q)) to 0.01, for reliability is limited to 0.99."""
     p, q = np.meshgrid(np.linspace(0.2, 0.8, 7), np.linspace(0.2, 0.8, 7))
     found = np.exp(dempster_shafer(np.stack([p.ravel(), q.ravel()]), np.ones(2)))
     expected = p * q / (p * q + (1 - p) * (1 - q))
@@ -58,14 +58,14 @@ def test_it_doesnt_matter_which_cue_comes_first():
 
 
 def test_certain_cues_that_contradict_each_other():
-    """Total conflict between two fully trusted cues decides nothing, and divides by no zero."""
+    """Total conflict of two fully reliable cues gives 0.5, without a division by zero."""
     found = np.exp(dempster_shafer(np.array([[1.0], [0.0]]), np.ones(2)))
     assert found[0] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize('rule', FUSION_RULES.values(), ids=FUSION_RULES.keys())
 def test_a_cue_without_reliability_is_left_out(rule):
-    """Also one that abstains with NaN: the rest decides as if it were alone."""
+    """A cue of reliability 0, also one that abstains with NaN, has no effect on the result."""
     heard = np.random.default_rng(2).uniform(0.1, 1, size=(1, 30))
     alone = rule(heard, np.array([0.8]))
     for silent in (np.full((1, 30), np.nan), np.random.default_rng(3).uniform(size=(1, 30))):
@@ -83,14 +83,14 @@ def test_what_both_cues_prefer_wins(rule):
 
 
 def test_without_any_cue_all_hypotheses_are_alike():
-    """Nobody knows anything: finite, and the same for all."""
+    """If all cues abstain the results are finite, and equal for all hypotheses."""
     for rule in FUSION_RULES.values():
         found = rule(np.full((2, 5), np.nan), np.zeros(2))
         assert np.isfinite(found).all() and np.ptp(found) == 0
 
 
 def test_product_and_sum():
-    """The sum of logs, and the log of the mean that the reliabilities weight."""
+    """They are the sum of logs, and the log of the mean weighted by the reliabilities."""
     likelihoods, trusts = np.array([[0.5, 0.2], [0.4, 0.8]]), np.array([0.25, 0.75])
     np.testing.assert_allclose(product(likelihoods, trusts), np.log([0.2, 0.16]))
     np.testing.assert_allclose(
@@ -99,7 +99,7 @@ def test_product_and_sum():
 
 
 def test_reliability_is_contrast():
-    """None for a flat cue, even at 0, nor for one that abstains; near 1 for one that decides."""
+    """It's 0 for a flat cue, even at 0, and for one that abstains; near 1 for a single peak."""
     flat, peaked = np.full(100, 0.7), np.zeros(100)
     peaked[3] = 1
     found = reliability(np.stack([flat, peaked, np.full(100, np.nan), np.zeros(100)]))

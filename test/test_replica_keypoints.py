@@ -31,7 +31,7 @@ def test_sylvester_rotation_is_the_least_squares_one(turn):
     before -= before.mean(0)
     after = _moved(before, turn) + np.random.default_rng(1).standard_normal(before.shape) * 3
     after -= after.mean(0)
-    # the orthogonal Procrustes solution, by another way
+    # the orthogonal Procrustes solution, by SVD
     left, _, right = np.linalg.svd(after.T @ before)
     best = left @ np.diag([1, np.linalg.det(left @ right)]) @ right
     assert_allclose(sylvester_rotation(before, after), best, atol=1e-8)
@@ -191,7 +191,7 @@ def test_keypoints_that_the_target_passes_never_become_its_own():
         memory.measure(Keypoints(np.concatenate([_placed(truth, places), ground]),
                                  np.concatenate([looks, ground_looks])), truth, rng)
         memory.learn(truth)
-    # an occluder: the ground alone is seen, and it says nothing about the target
+    # occluded: only keypoints of the ground are seen, from which no pose is measured
     assert memory.measure(Keypoints(ground, ground_looks), truth, rng) is None
 
 
@@ -211,7 +211,7 @@ def test_keypoints_from_before_a_time_without_any_outvote_later_ones():
     for _ in range(5):
         memory.measure(Keypoints(_placed(truth, places), later), wrong, rng)
         memory.learn(wrong)
-    # both sets are seen, on the target's true place: the later ones say that nothing has moved
+    # both sets are seen, at the target's true place: the later ones alone would give no motion
     change = memory.measure(Keypoints(
         np.concatenate([_placed(truth, places)[:9], _placed(truth, places)]),
         np.concatenate([looks[:9], later])), wrong, rng)

@@ -1,4 +1,4 @@
-"""Moving edges: silent when nothing moves, and right about directions."""
+"""The moving-edge cue: abstention, likelihood, directions, and a moving camera."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def boxes(*rows):
 
 
 def test_it_abstains_while_nothing_moves():
-    """The same picture again: NaN for all, even when the target has been seen moving."""
+    """When the frame repeats, likelihoods are NaN, even after the target has been seen moving."""
     edges = MotionEdge()
     still = background()
     edges.advance(with_square(still, 60), WHOLE)
@@ -46,7 +46,7 @@ def test_it_abstains_while_nothing_moves():
 
 
 def test_a_moving_target_is_more_likely_than_still_ground():
-    """The reference is learned in one step and recognised in the next."""
+    """With a reference learned in one step, the moving target's box is the most likely next."""
     edges = MotionEdge()
     still = background()
     for x in (60, 64):
@@ -72,7 +72,7 @@ def test_likelihood_is_the_papers_function_of_the_distance():
 
 @pytest.mark.parametrize('turn', [0, 1, 2, 3])
 def test_directions_turn_with_the_picture(turn):
-    """A quarter turn of the motion moves the histogram on by four of sixteen directions."""
+    """A quarter turn of the motion shifts the histogram by four of sixteen direction bins."""
     def histogram(quarters):
         edges = MotionEdge()
         still = background((121, 121))
@@ -91,7 +91,7 @@ def test_directions_turn_with_the_picture(turn):
 
 
 def test_a_moving_camera_moves_nothing():
-    """A shift of the whole picture leaves hardly an edge; without alignment it would be full."""
+    """After a shift of the whole image few edges move; without alignment there would be many."""
     wide = background((140, 200))
     first, second = wide[10:130, 20:180], wide[14:134, 26:186]
     edges = MotionEdge()
@@ -107,7 +107,7 @@ def test_a_moving_camera_moves_nothing():
 
 
 def test_a_region_gives_what_the_whole_picture_gives():
-    """Only the region is computed, and its boxes are in pixels of the whole picture."""
+    """Its histograms are those of the whole image, with boxes in pixels of the whole image."""
     still = background()
     results = []
     for region in (WHOLE, (30, 25, 130, 100)):
@@ -119,7 +119,7 @@ def test_a_region_gives_what_the_whole_picture_gives():
 
 
 def test_colour_frames_are_looked_at_in_grey():
-    """A grey picture in three channels is the grey picture."""
+    """A grey image in three channels gives the histograms of the grey image."""
     still = background()
     found = []
     for colour in (False, True):

@@ -1,4 +1,4 @@
-"""The papers' methods and their baselines, mended and as printed, on drawn targets."""
+"""The papers' methods and their baselines, corrected and as printed, on drawn targets."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def check(estimate):
 
 
 def test_the_papers_trackers_are_all_there():
-    """Four methods and seven baselines; what needed no mending has no switch."""
+    """Four methods and seven baselines; those that needed no correction have no `as_printed`."""
     assert list(BY_NAME) == [f'{name}_paper' for name in (
         'gmpf', 'pqkpf', 'abmspf', 'appf', 'pf', 'kpf', 'upf', 'qkpf', 'abms', 'affine_pf',
         'ppca')]
@@ -69,7 +69,7 @@ def test_the_papers_trackers_are_all_there():
 @EACH
 @pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
 def test_it_follows_a_moving_target(name, colour):
-    """A target of its own colours and texture: the box stays on it, and the state says so."""
+    """A textured target is tracked: IoU above 0.5 at the end, and mostly in state TRACKING."""
     frames, boxes = video(12, colour=colour)
     estimates = tracked(name, frames, boxes[0])
     np.testing.assert_allclose(
@@ -101,7 +101,7 @@ def test_the_same_seed_gives_the_same_bits(name, parameters):
 
 @pytest.mark.parametrize('name', SWITCHED)
 def test_the_switch_changes_the_boxes_from_the_next_start_on(name):
-    """Set while it runs it changes nothing; after a start the boxes are others."""
+    """`as_printed` changes the boxes if set before the start, but not if set while it runs."""
     frames, boxes = video()
     mended = [estimate.box for estimate in tracked(name, frames, boxes[0])]
     printed = [estimate.box for estimate in tracked(name, frames, boxes[0], as_printed=True)]
@@ -115,7 +115,7 @@ def test_the_switch_changes_the_boxes_from_the_next_start_on(name):
 
 @EVERY_FORM
 def test_every_parameter_may_change_while_it_runs(name, parameters):
-    """Each number grows by a fifth, and estimates go on."""
+    """Each number is raised by a fifth while it runs; estimates stay valid."""
     frames, boxes = video()
     tracker = BY_NAME[name](1, **parameters)
     tracker.start(frames[0], boxes[0])
@@ -133,14 +133,14 @@ def test_every_parameter_may_change_while_it_runs(name, parameters):
 
 @EACH
 def test_dropped_frames_are_bridged(name):
-    """Every third frame of a target at 2 px a frame, told by dt = 3."""
+    """With only every third frame, and dt = 3, a target at 2 px per frame is tracked."""
     frames, boxes = video(24, (2.0, 0.5))
     estimates = tracked(name, frames[::3], boxes[0], dt=3.0)
     assert estimates[-1].box.iou(boxes[::3][-1]) > 0.4
 
 
 def left(count):
-    """Return frames of a target that runs out at the right border, and its first box."""
+    """Return frames of a target that leaves at the right border, and its first box."""
     drawn = DrawnVideo()
     path = [(250.0 + 8 * index, 110.0) for index in range(13)] + [None] * count
     return [drawn.frame(place) for place in path], box_at(path[0])
@@ -148,18 +148,18 @@ def left(count):
 
 @EACH
 def test_it_says_so_when_the_target_has_left(name):
-    """It stays away: bounded boxes, and not TRACKING in the end."""
+    """When the target has left, boxes stay bounded, and the state isn't TRACKING in the end."""
     frames, box = left(18)
     estimates = tracked(name, frames, box)
     assert all(0.04 < estimate.box.area / box.area < 36 for estimate in estimates)
     absent = [estimate.state for estimate in estimates[-8:]]
-    # the PPCA learns the border while the target leaves: in 5 films of 12 it's sure of that
+    # the PPCA learns the border while the target leaves, and tracks it in 5 films of 12
     assert name == 'ppca_paper' or absent.count(TrackState.TRACKING) <= 1
 
 
 @pytest.mark.parametrize('name', SWITCHED)
 def test_as_printed_estimates_stay_finite_when_the_target_has_left(name):
-    """What the papers print may go astray, but ends in no error."""
+    """As printed they may lose the target, but estimates stay finite and nothing is raised."""
     frames, box = left(8)
     tracked(name, frames, box, as_printed=True)
 
@@ -177,7 +177,7 @@ def test_odd_sizes_do_no_harm(name, parameters, shape, box):
 
 
 def run_by_hand(frames, box, proposal, weighting, measures):
-    """Return the boxes of a bare particle filter with the papers' colour cue."""
+    """Yield the boxes of a bare particle filter with the papers' colour cue."""
     side = math.sqrt(box.area)
     model = ConstantVelocity(2, 2, (0.2 * side)**2, (0.01 * side)**2)
     bare = ParticleFilter(model, proposal(model), particles=150, threshold=1.0,
@@ -207,7 +207,7 @@ def run_by_hand(frames, box, proposal, weighting, measures):
     ('kpf_paper', lambda model: GaussianFilterProposal(KalmanFilter(model), 'kept'), 'full', True),
 ], ids=['GMPF: eqs 9-18', 'KPF: eq. 5, covariances kept'])
 def test_as_printed_is_the_bare_particle_filter(name, proposal, weighting, measures):
-    """Raw GM(1,1) with the spread of eq. 17; full weights with a covariance for each particle."""
+    """GMPF: raw GM(1,1), spread of eq. 17. KPF: full weights, a covariance for each particle."""
     frames, boxes = video(9, (1.0, 0.5))
     expected = run_by_hand(frames, boxes[0], proposal, weighting, measures)
     for estimate, box in zip(tracked(name, frames, boxes[0], as_printed=True)[1:], expected):
@@ -216,7 +216,7 @@ def test_as_printed_is_the_bare_particle_filter(name, proposal, weighting, measu
 
 
 def test_grey_particles_collapse_without_process_noise():
-    """Eq. 17 to the letter: nothing keeps the spread up once resampling has made them one."""
+    """With eq. 17 as printed and no `floor`, the spread shrinks as resampling merges particles."""
     frames, boxes = video(30, (0.0, 0.0))
     spreads = {}
     for floor in (0.0, 1.0):
@@ -226,7 +226,7 @@ def test_grey_particles_collapse_without_process_noise():
 
 
 def test_both_cues_are_selectable_for_every_box_filter():
-    """PF with both cues is a baseline of Qi and Li; the fusion makes a difference to it."""
+    """PF with both cues is a baseline of Qi and Li; each rule of fusion gives other boxes."""
     frames, boxes = video(8, (3.0, 0.0))
     runs = {fusion: tracked('pf_paper', frames, boxes[0], cues='colour+motion_edge',
                             fusion=fusion)[-1].box
@@ -268,7 +268,7 @@ def test_rotation_of_an_ellipse_is_reported():
 
 @pytest.mark.parametrize('name', ELLIPSES)
 def test_a_hidden_target_is_not_claimed_and_is_found_again(name):
-    """Hidden for fifteen frames: the state is a search, and it's followed again afterwards."""
+    """Hidden for 15 frames, it's seldom said to be tracked, and it's tracked again afterwards."""
     places = [(60 + 2 * index, 120) for index in range(42)]
     frames = [ellipse((-100, -100) if 15 <= index < 30 else place, (24, 18), seed=index)
               for index, place in enumerate(places)]
@@ -298,7 +298,7 @@ def turning(count, turn):
 
 @pytest.mark.parametrize('parameters', [{}, {'as_printed': True}], ids=['mended', 'printed'])
 def test_keypoints_hold_a_faster_rotation_than_the_process_alone(parameters):
-    """Those of the target, and those of consecutive frames alike."""
+    """With keypoints (as printed: of consecutive frames) the angle's error is below a half."""
     frames, box = turning(9, 0.1)
     errors = {}
     for keypoints in (True, False):
@@ -334,7 +334,7 @@ def test_the_terms_of_the_affine_baselines():
 @pytest.mark.parametrize('name', ['pf_paper', 'gmpf_paper', 'kpf_paper', 'upf_paper'])
 @pytest.mark.parametrize('dynamics', ['random_walk', 'constant_velocity', 'white_acceleration'])
 def test_box_filters_follow_with_any_dynamics(name, dynamics):
-    """A target at 2 px a frame, a fifteenth of its side, is followed however it's modelled."""
+    """A target that moves by 2 px per frame is tracked with each of the dynamics."""
     frames, boxes = video(10, (2.0, 1.0))
     last = tracked(name, frames, boxes[0], dynamics=dynamics, noise=0.15)[-1]
     assert last.box.iou(boxes[-1]) > 0.5
@@ -343,7 +343,7 @@ def test_box_filters_follow_with_any_dynamics(name, dynamics):
 @pytest.mark.parametrize('dynamics, moved', [
     ('random_walk', 0.0), ('constant_velocity', 6.0), ('white_acceleration', 6.0)])
 def test_dynamics_say_how_places_move(dynamics, moved):
-    """Velocities carry places unless they walk at random; the noise a frame is what was asked."""
+    """Velocities move places except in a random walk; the noise per frame is the one given."""
     model = motion_model(dynamics, 3.0, 0.5)
     state = np.array([[10.0, 20.0, 3.0, -1.0, 30.0, 40.0]])
     np.testing.assert_allclose(
@@ -354,7 +354,7 @@ def test_dynamics_say_how_places_move(dynamics, moved):
 
 
 def test_the_stage_of_the_search_is_told():
-    """Tracking, then lost with the target, after ten frames of search in the whole frame."""
+    """It's `track`, `none` while the target is hidden, and that of the search when it's found."""
     drawn = DrawnVideo()
     tracker = BY_NAME['abmspf_paper'](1)
     tracker.start(drawn.frame((150.0, 110.0)), box_at((150.0, 110.0)))

@@ -1,4 +1,4 @@
-"""The flow of frames: what came, what didn't, and what is said about it."""
+"""Statistics of the flow of frames, and the diagnostics that are made from them."""
 
 import math
 
@@ -24,12 +24,12 @@ def feed(flow, indices, busy=5.0):
 
 
 def judge(flow, now, faults=(), publishers=1):
-    """Return level and message of the last period."""
+    """Return level, message and values of the report on the last period."""
     return report(flow, now, faults, publishers, '/image')
 
 
 def test_all_is_well():
-    """Thirty frames a second, none missing."""
+    """Frames at 30 Hz without a gap give level OK, and none is missing."""
     flow = FrameFlow()
     feed(flow, range(31))
     level, text, values = judge(flow, 30 * STEP + 1)
@@ -39,7 +39,7 @@ def test_all_is_well():
 
 
 def test_missing_frames_are_counted_by_their_stamps():
-    """Every third frame never came."""
+    """The 16 frames that were left out count as missing; a warning advises the DDS profile."""
     flow = FrameFlow()
     feed(flow, [i for i in range(60) if i < 10 or i % 3])
     assert flow.missing == 16
@@ -50,7 +50,7 @@ def test_missing_frames_are_counted_by_their_stamps():
 
 
 def test_heavy_losses_are_seen_too():
-    """Even where only one frame in four comes through."""
+    """If only one frame in four arrives, the number of missing ones is right to 5 %."""
     rng = np.random.default_rng(0)
     kept = [index for index in range(2000) if rng.random() < 0.25]
     flow = FrameFlow()
@@ -60,7 +60,7 @@ def test_heavy_losses_are_seen_too():
 
 
 def test_jitter_is_no_loss():
-    """Stamps that shake by a tenth of the interval lose nothing."""
+    """Jitter of 5 % of the interval (standard deviation) makes no frame count as missing."""
     rng = np.random.default_rng(0)
     flow = FrameFlow()
     for index in range(1000):
@@ -70,7 +70,7 @@ def test_jitter_is_no_loss():
 
 @pytest.mark.parametrize('milliseconds', [2, 5, 10])
 def test_stamps_that_shake_lose_nothing(milliseconds):
-    """However unsteady a driver's stamps are, three thousand frames that came are not missing."""
+    """With jitter of 2 to 10 ms at most 15 frames count as missing while 3000 arrive."""
     rng = np.random.default_rng(1)
     flow = FrameFlow()
     for index in range(3000):
@@ -79,7 +79,7 @@ def test_stamps_that_shake_lose_nothing(milliseconds):
 
 
 def test_losses_are_counted_though_the_stamps_shake():
-    """Every tenth frame never came, and the others are stamped 2 ms early or late."""
+    """With every tenth frame missing and 2 ms of jitter, the 299 are counted to within 15."""
     rng = np.random.default_rng(1)
     flow = FrameFlow()
     for index in [i for i in range(3000) if i % 10]:
@@ -88,7 +88,7 @@ def test_losses_are_counted_though_the_stamps_shake():
 
 
 def test_small_images_do_not_want_more_shared_memory():
-    """The profile is advised only where images don't fit what there is without it."""
+    """The DDS profile is only advised if images don't fit the default shared memory."""
     flow = FrameFlow()
     feed(flow, [i for i in range(60) if i < 10 or i % 3])
     flow.largest = 30_000
@@ -97,7 +97,7 @@ def test_small_images_do_not_want_more_shared_memory():
 
 
 def test_a_late_frame_begins_no_stream():
-    """A stamp that steps back once, by a reordered frame or an NTP step, is but a late frame."""
+    """A stamp that steps back once (reordered frames, an NTP step) counts as a late frame."""
     flow = FrameFlow()
     for index in range(200):
         early = 75 * MS if index % 40 == 39 else 0
@@ -107,7 +107,7 @@ def test_a_late_frame_begins_no_stream():
 
 
 def test_a_stamp_left_out_begins_no_stream():
-    """A zero among other stamps is dropped and counted; where there are no others, it's taken."""
+    """A zero among other stamps counts as late; the third in a row begins a stream."""
     flow = FrameFlow()
     stamps = [10**9, 2 * 10**9, 0, 3 * 10**9, 0, 0, 4 * 10**9, 0, 0, 0]
     assert [flow.arrived(stamp, 0).value for stamp in stamps] == [
@@ -117,7 +117,7 @@ def test_a_stamp_left_out_begins_no_stream():
 
 
 def test_a_stamp_of_the_far_future_is_but_a_wrong_one():
-    """An hour ahead for one frame: dropped. From then on: the clock was set forward."""
+    """One frame an hour ahead is late; the third of such frames in a row is accepted."""
     flow, hour = FrameFlow(), 3600 * 10**9
     feed(flow, range(60))
     assert flow.arrived(60 * STEP + hour, 60 * STEP) is Arrival.LATE
@@ -126,12 +126,12 @@ def test_a_stamp_of_the_far_future_is_but_a_wrong_one():
     forward = [flow.arrived(index * STEP + hour, index * STEP) for index in range(80, 90)]
     assert forward == [Arrival.LATE] * (MOST_LATE - 1) + [Arrival.NEXT] * 8
     assert flow.late == MOST_LATE and flow.missing == 1
-    # An hour without frames is nothing of that kind.
+    # After an hour without frames such a stamp is accepted at once.
     assert flow.arrived(100 * STEP + 2 * hour, 100 * STEP + hour) is Arrival.NEXT
 
 
 def test_frames_that_wait_here_are_not_the_transports_loss():
-    """Large images, some missing, but others waited for longer than a frame."""
+    """Missing large images with a high latency: the network is busy; no profile is advised."""
     flow = FrameFlow()
     flow.largest = 10**6
     feed(flow, [index for index in range(60) if index % 5])
@@ -141,22 +141,22 @@ def test_frames_that_wait_here_are_not_the_transports_loss():
 
 
 def test_a_clock_that_was_set_back_is_no_loop():
-    """Several frames in a row before the newest one are no late ones."""
+    """The third frame in a row that is stamped before the newest one is a RESET, not LATE."""
     flow = FrameFlow()
     feed(flow, range(300))
     back = [flow.arrived((299 - 10 + index) * STEP, 1) for index in range(MOST_LATE)]
     assert back == [Arrival.LATE] * (MOST_LATE - 1) + [Arrival.RESET]
-    # By seconds: at once. Where the stream began: it begins again.
+    # Set back by seconds: at once. To the stream's first stamp: the stream begins again.
     assert flow.arrived(200 * STEP, 1) is Arrival.RESET
     assert flow.arrived(0, 1) is Arrival.BEGINNING
     for index in range(1, 20):
         assert flow.arrived(index * STEP, 1) is Arrival.NEXT
-    # However short it was.
+    # Even if the stream was short.
     assert flow.arrived(0, 1) is Arrival.BEGINNING
 
 
 def test_a_slow_tracker_is_told_from_a_lossy_network():
-    """When a frame takes longer than the camera's interval, that's why frames are missing."""
+    """When processing takes longer than the frame interval, a faster tracker is advised."""
     flow = FrameFlow()
     feed(flow, [i for i in range(60) if i < 10 or i % 3], busy=60.0)
     level, text, _ = judge(flow, 60 * STEP)
@@ -164,7 +164,7 @@ def test_a_slow_tracker_is_told_from_a_lossy_network():
 
 
 def test_a_pause_is_no_loss():
-    """Nor is a stream that begins again; equal stamps are nothing."""
+    """A long gap, or a stream that begins again, makes no frame count as missing."""
     flow = FrameFlow()
     feed(flow, [*range(10), *range(1000, 1010)])
     assert flow.missing == 0
@@ -174,7 +174,7 @@ def test_a_pause_is_no_loss():
 
 
 def test_silence():
-    """Nobody publishes, or somebody does and nothing comes."""
+    """Without images the warning is: no publisher, no image yet, or no image for some time."""
     flow = FrameFlow()
     assert judge(flow, 5, publishers=0)[:2] == (1, 'nobody publishes /image')
     assert judge(flow, 6)[:2] == (1, 'no image on /image yet')
@@ -185,7 +185,7 @@ def test_silence():
 
 
 def test_malformed_images_and_mismatches_come_first():
-    """The worst is said first."""
+    """A QoS mismatch is the message before all else; malformed images come next."""
     flow = FrameFlow()
     feed(flow, range(10))
     for index in range(10, 13):
@@ -209,7 +209,7 @@ def test_malformed_images_are_not_missing():
 
 
 def test_stamps_of_malformed_images_are_not_believed():
-    """A spoilt header must not begin another stream, nor hide or make a loss."""
+    """The stamps of malformed images don't begin another stream."""
     flow = FrameFlow()
     feed(flow, range(10))
     for stamp in (0, 10**18, 5):
@@ -219,7 +219,7 @@ def test_stamps_of_malformed_images_are_not_believed():
 
 
 def test_malformed_images_alone_are_no_silence():
-    """A camera that only sends malformed images does send images."""
+    """If all images are malformed, that is reported, not silence."""
     flow = FrameFlow()
     for index in range(5):
         flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
@@ -229,7 +229,7 @@ def test_malformed_images_alone_are_no_silence():
 
 
 def test_an_interruption_is_no_loss():
-    """While nobody listened nothing could be missed; going backwards is still noticed."""
+    """Frames sent during an interruption aren't missing; going backwards is still noticed."""
     flow = FrameFlow()
     feed(flow, range(10))
     judge(flow, 10 * STEP)
@@ -243,7 +243,7 @@ def test_an_interruption_is_no_loss():
 
 
 def test_percentiles():
-    """Those of NumPy; of nothing there are none."""
+    """They equal NumPy's; of an empty list they are NaN."""
     values = list(np.random.default_rng(0).exponential(1, 500))
     assert percentiles(values) == (np.percentile(values, 50), np.percentile(values, 99))
     assert all(math.isnan(value) for value in percentiles([]))
@@ -260,7 +260,7 @@ def estimate(state):
     ('paused', TrackState.TRACKING, DiagnosticStatus.OK),
     ('inactive', TrackState.LOST, DiagnosticStatus.OK)])
 def test_stale_state(name, state, level):
-    """What was measured a while ago isn't well, unless somebody wanted it so."""
+    """A stale state is a warning at least, but paused and inactive ones are OK."""
     status = state_status('/tracker', 'gmpf', name, estimate(state), {}, stale=True)
     assert (status.message, status.level) == (name, level)
     assert {row.key: row.value for row in status.values}['box'] == 'stale'

@@ -1,4 +1,4 @@
-"""Scenes: the truth is exact, the stories are told, the same seed gives the same film."""
+"""Rendered scenes: exact truth, the events of each scene, and the same film for a seed."""
 
 from dataclasses import replace
 from functools import cache
@@ -24,7 +24,7 @@ def shots(name, times):
 
 @cache
 def quarter(name):
-    """Return a scene at a quarter of its size; its textures are what takes long."""
+    """Return a scene at a quarter of its size; cached, as its textures take long to make."""
     info = scene_info(name)
     view = View(info.width // 4, info.height // 4, info.width, info.height)
     return info.make(view, np.random.default_rng(0))
@@ -37,7 +37,7 @@ def small_face():
 
 
 def test_catalogue():
-    """All scenes of the papers and of the mission are there, at their sizes."""
+    """All scenes are there; those of the papers have the papers' sizes and lengths."""
     assert set(scene_names()) == set(PAPERS) | OTHERS
     for name, size in PAPERS.items():
         assert (scene_info(name).width, scene_info(name).height) == size
@@ -49,7 +49,7 @@ def test_catalogue():
 
 @pytest.mark.parametrize('name', sorted(set(PAPERS) | OTHERS))
 def test_truth_bounds_what_the_target_changes(name):
-    """Where a picture changes with the target's brightness, there is the target: its bounds."""
+    """The true box bounds the pixels that change with the target's brightness, to 1.6 px."""
     info, size = scene_info(name), (220, 130)
     scene = info.make(View(*size, info.width, info.height), np.random.default_rng(5))
     # Nothing in front, no blur, no noise, even light.
@@ -73,7 +73,7 @@ def test_truth_bounds_what_the_target_changes(name):
 
 
 def test_truth_is_the_middle_of_the_exposure():
-    """A blurred target is at the place where half of the light came from."""
+    """The truth of a blurred target is the same as of a sharp one."""
     info = scene_info('face_fast')
     scene = info.make(View(256, 192, 128, 96), np.random.default_rng(2))
     sharp = next(film(replace(scene, camera=FilmCamera(exposure=1e-6)), iter([12.0]),
@@ -96,7 +96,7 @@ def test_size_scales_the_truth():
 
 @pytest.mark.parametrize('name', ['low_light_noise', 'car_approach'])
 def test_seed(name):
-    """The same seed gives the same film; another one another, with the same story."""
+    """The same seed gives the same film; another seed gives other pixels at similar places."""
     one, same, other = (
         list(render(name, (96, 72), frames=3, seed=seed)) for seed in (3, 3, 4))
     assert all(np.array_equal(a.frame, b.frame) for a, b in zip(one, same))
@@ -128,7 +128,7 @@ def test_largest_size():
     ({'name': 'nothing'}, 'face_fast, football'), ({'size': (1921, 1080)}, '1920x1080'),
     ({'size': (640, 20)}, '64x48'), ({'frames': 0}, 'at least 1'), ({'seed': -1}, 'negative')])
 def test_wrong_arguments(arguments, words):
-    """What is valid is said before anything is rendered."""
+    """A ValueError says what is valid, before anything is rendered."""
     with pytest.raises(ValueError, match=words):
         render(**{'name': 'face_fast', **arguments})
 
@@ -152,7 +152,7 @@ def test_face_fast_is_fast():
 @pytest.mark.parametrize('name, low, high', [
     ('full_occlusion', 15, 30), ('leave_and_return', 30, 45)])
 def test_away_and_back(name, low, high):
-    """The target is away for so many frames on end, and there before and after."""
+    """The target is away once, for `low` to `high` consecutive frames."""
     story = range(0, scene_info(name).frames, 4)
     seen = shots(name, [float(time) for time in story])
     gone = [time for time in story if seen[time].truth is None]
@@ -193,7 +193,7 @@ def test_pose_change():
 
 
 def test_light_changes():
-    """It gets dark, and then warm; the pitch falls into shade; the night is dark."""
+    """`light_change` gets dark, then reddish; the pitch gets shady; `low_light_noise` is dark."""
     mean = {time: frame.frame.mean(axis=(0, 1))
             for time, frame in shots('light_change', [10, 45, 75]).items()}
     assert mean[45].sum() < 0.5 * mean[10].sum()
@@ -204,7 +204,7 @@ def test_light_changes():
 
 
 def test_helicopter():
-    """It's covered about frame 281, and away at no time; its size changes by far."""
+    """It's partly covered about frame 281, never fully; its height changes by a factor of 2.5."""
     seen = shots('helicopter', [0, 100, 200, 262, 276, 280, 281, 282, 283, 292, 300, 400, 470, 600,
                                 720, 779])
     assert all(seen[time].visibility < 0.7 for time in (280, 281, 282, 283))
@@ -215,7 +215,7 @@ def test_helicopter():
 
 
 def test_frames_are_made_one_by_one():
-    """A long film needs no more than the frames that are asked for."""
+    """Only the requested frames of a long film are rendered."""
     assert len(list(islice(render('face_fast', frames=10_000_000), 3))) == 3
 
 

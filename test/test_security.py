@@ -1,4 +1,4 @@
-"""What the node may do is what its policy says; and nothing that arrives is ever executed."""
+"""The security policy is exactly what the nodes use; and no input is ever executed."""
 
 import ast
 from importlib.util import find_spec
@@ -7,14 +7,14 @@ import xml.etree.ElementTree as ElementTree
 from node_harness import Client, NodeProcess
 import pytest
 
-#: What runs, or may run, what it's given.
+#: Calls that execute, or may execute, their argument.
 DANGEROUS_CALLS = {'eval', 'exec', 'compile', '__import__', 'os.system', 'os.popen', 'yaml.load',
                    'yaml.load_all', 'yaml.full_load', 'yaml.unsafe_load', 'joblib.load'}
 DANGEROUS_MODULES = {'pickle', 'cPickle', 'dill', 'cloudpickle', 'marshal', 'shelve', 'code'}
 
 
 def allowed(repository, namespace):
-    """Return the names that the policy allows a node of a namespace, by what for."""
+    """Return the names that the policy allows a node in a namespace: permission -> names."""
     root = ElementTree.parse(repository / 'config' / 'tracker.policy.xml').getroot()
     profile, = root.iter('profile')
     assert (profile.get('ns'), profile.get('node')) == ('/', 'tracker')
@@ -34,10 +34,10 @@ def _resolved(name, namespace):
 
 
 def test_policy_is_what_the_nodes_do(repository):
-    """The plain and the managed one, with all that parameters may add, use it all and no more."""
+    """Plain and lifecycle node, with all optional topics, use exactly the names it allows."""
     policy = allowed(repository, '/robot')
     if find_spec('tf2_msgs') is None:
-        # Where there's no package for it, there's no transform.
+        # Without tf2_msgs the node publishes no transform.
         policy['publish'].remove('/tf')
     used = {what: set() for what in policy}
     settings = {'init_from_detections': True, 'target_frame': 'target', 'use_sim_time': True}
@@ -60,7 +60,7 @@ def test_policy_is_what_the_nodes_do(repository):
 
 
 def look(client, used, wanted):
-    """Add what the node `/robot/tracker` uses, as everyone can see, until that's all."""
+    """Add the names that `/robot/tracker` uses, by the graph, until all `wanted` are there."""
     node = client.node
 
     def complete():
@@ -87,7 +87,7 @@ def test_nothing_is_executed(repository):
 
 
 def dangers(node):
-    """Return what is dangerous of a piece of code."""
+    """Return the dangerous modules, calls and arguments of a syntax node."""
     if isinstance(node, (ast.Import, ast.ImportFrom)):
         names = [alias.name for alias in node.names]
         names += [node.module or ''] if isinstance(node, ast.ImportFrom) else []

@@ -1,4 +1,4 @@
-"""The page in the browser: what it shows, what it does, and to whom it says no."""
+"""The page of vtrack select, over its WebSocket: display, requests, and refused access."""
 
 import asyncio
 from contextlib import contextmanager
@@ -33,7 +33,7 @@ def truth(bag):
 
 @contextmanager
 def playing(bag, rate=1):
-    """Play a bag, again and again."""
+    """Play a bag in a loop."""
     player = ForkedProcess(
         'vtrack_ros.cli.command_line', 'main',
         ['play', str(bag), '--loop', '--rate', str(rate), '--topic', 'image'],
@@ -47,7 +47,7 @@ def playing(bag, rate=1):
 
 @pytest.fixture(scope='module')
 def recordings(tmp_path_factory):
-    """Return the folder of what is recorded."""
+    """Return the folder for recordings."""
     return tmp_path_factory.mktemp('recordings')
 
 
@@ -59,7 +59,7 @@ def address(bag, recordings):
 
 
 def state(name):
-    """Return whether a picture's state has a name."""
+    """Return a predicate that tells whether a picture's state has a name."""
     return lambda picture: picture['state'].get('name') == name
 
 
@@ -69,8 +69,8 @@ def overlap(picture, truth):
 
 
 async def fresh(seen):
-    """Forget any target; return a picture that the node has, long before the bag's end."""
-    # They come once the node is there.
+    """Reset the target; return a picture that the node has received, long before the bag's end."""
+    # Parameters are sent once the node is found.
     await seen.receive('parameters')
     await seen.ask(do='reset')
     return await seen.until(lambda picture: state('waiting')(picture)
@@ -99,7 +99,7 @@ def test_box(address, truth):
 
 
 def test_click(address, truth):
-    """A click on the target does as well."""
+    """A click on the target starts on it."""
     async def run():
         async with viewer(address) as seen:
             picture = await fresh(seen)
@@ -112,7 +112,7 @@ def test_click(address, truth):
 
 
 def test_refusal_is_shown(address):
-    """What the node says of a selection is read on the page."""
+    """The node's refusal of a selection is sent to the page."""
     async def run():
         async with viewer(address) as seen:
             picture = await fresh(seen)
@@ -122,7 +122,7 @@ def test_refusal_is_shown(address):
 
 
 def test_pictures_wait_for_the_viewer(address):
-    """No picture is sent before the last one was shown, whatever happens meanwhile."""
+    """No picture is sent before the page has acknowledged the last one."""
     async def run():
         async with viewer(address) as seen:
             await fresh(seen)
@@ -139,7 +139,7 @@ def test_pictures_wait_for_the_viewer(address):
 
 
 def test_parameters(address):
-    """The inputs come from the descriptors; what is set is in force, what is wrong is refused."""
+    """Inputs are made from the descriptors; a valid value is set, a wrong one is refused."""
     async def run():
         async with viewer(address) as seen:
             rows = {row['name']: row for row in (await seen.receive('parameters'))['rows']}
@@ -153,7 +153,7 @@ def test_parameters(address):
             await seen.until(lambda one: one['state']['tracker'] == 'dcf')
             await seen.ask(do='set', name='gmpf.particles', kind='int', value=1)
             assert (await seen.told('from 2 to 5000'))['wrong']
-            # Then the page is told what is in force.
+            # After a refusal the page is sent the values in force.
             rows = {row['name']: row for row in (await seen.receive('parameters'))['rows']}
             assert rows['tracker']['value'] == 'dcf' and rows['gmpf.particles']['value'] == 150
             await seen.ask(do='set', name='tracker', kind='text', value='gmpf')
@@ -162,7 +162,7 @@ def test_parameters(address):
 
 
 def test_pause(address):
-    """While it's paused pictures come all the same."""
+    """While the node is paused pictures are shown, without a box."""
     async def run():
         async with viewer(address) as seen:
             await fresh(seen)
@@ -184,7 +184,7 @@ def test_pause(address):
     ('{"do": "click", "stamp": "1", "x": "here", "y": 1}', 'here'),
     ('{"do": "set", "name": "seed", "kind": "int", "value": 1.5}', '1.5')])
 def test_bad_request(address, text, words):
-    """It's refused in words, and the viewer stays."""
+    """A bad request is refused with the reason, and the connection stays open."""
     async def run():
         async with viewer(address) as seen:
             await seen.socket.send_str(text)
@@ -194,7 +194,7 @@ def test_bad_request(address, text, words):
 
 
 def test_oversized_message(address):
-    """Who sends more than a request can be is cut off."""
+    """A message that is larger than any request closes the connection, with code 1009."""
     async def run():
         async with viewer(address) as seen:
             await seen.socket.send_str('x' * 100_000)
@@ -206,7 +206,7 @@ def test_oversized_message(address):
 
 
 def test_other_origin(address):
-    """A page of another origin can't open the WebSocket, nor one that takes this host's name."""
+    """A WebSocket with another Origin or Host header is refused, with status 403."""
     async def run():
         for headers in ({'Origin': 'http://elsewhere.example'}, {'Origin': 'null'},
                         {'Origin': address.replace('http:', 'https:').rstrip('/') + '1'},
@@ -222,7 +222,7 @@ def test_other_origin(address):
 
 
 def test_particles(address, truth):
-    """They come when they're asked for, and about the box."""
+    """Particles are only sent on request, and their mean is near the box's centre."""
     async def run():
         async with viewer(address) as seen:
             picture = await fresh(seen)
@@ -242,7 +242,7 @@ def test_particles(address, truth):
 
 
 def test_record(address, truth, bag, recordings):
-    """What is seen is a bag, with the images' own stamps, pixels and boxes."""
+    """A recording is a bag with the images' own stamps and pixels, and the detections."""
     async def run():
         async with viewer(address) as seen:
             picture = await fresh(seen)

@@ -17,7 +17,7 @@ from vtrack_ros.geometry import Box
 
 @contextmanager
 def camera(scene):
-    """Send images of a target at rest, ten a second, until the event that it gives hides it."""
+    """Send ten images per second of a target at rest; yield an event that hides it."""
     hidden, done = Event(), Event()
 
     def send():
@@ -39,7 +39,7 @@ def camera(scene):
 
 
 async def on_page(page, *points):
-    """Return where points of the picture, 160 x 120, are on the page as it is laid out now."""
+    """Return the places on the page, in its current layout, of points of the 160 x 120 picture."""
     area = await page.value('canvas.getBoundingClientRect().toJSON()')
     scale = min(area['width'] / 160, area['height'] / 120)
     left = area['left'] + (area['width'] - scale * 160) / 2
@@ -57,9 +57,9 @@ def test_in_a_browser(tmp_path):
             await page.until('document.readyState == "complete" && header != null')
             await page.until("$('state').textContent == 'waiting' "
                              "&& $('parameters').children.length > 0")
-            # the node receives images, and can go back to the one that is drawn on
+            # the node receives images, and so buffers the one that is drawn on
             await page.until("$('ms').textContent != '-'")
-            # its shape is the picture's from the first one on
+            # the canvas has the picture's aspect ratio from the first picture on
             await page.until('canvas.width * 3 == canvas.height * 4')
             await page.painted()
             await page.mouse(*await on_page(

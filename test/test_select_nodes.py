@@ -1,4 +1,4 @@
-"""The page of a node that isn't there, one that answers late, and one of an odd camera."""
+"""The page of a node that isn't there, of one that answers late, and of odd image sizes."""
 
 import asyncio
 import re
@@ -13,7 +13,7 @@ from vision_msgs.msg import Detection2D
 
 
 def test_token():
-    """On an address that was asked for, the page is behind a token; it says so without a node."""
+    """With --host the page needs the token in its URL; it says that it waits for the node."""
     async def run(whole):
         assert re.fullmatch(r'http://127.0.0.1:\d+/[\w-]{20,}/', whole)
         root = whole.rsplit('/', 2)[0]
@@ -35,7 +35,7 @@ def test_parameters_of_a_node_that_answers_late():
             told = asyncio.create_task(seen.receive('parameters'))
             await asyncio.to_thread(client.until, told.done, 'nobody asked again')
             assert 'use_sim_time' in [row['name'] for row in (await told)['rows']]
-    # what looks like a tracking node, and answers nobody until it's spun
+    # a node with a tracking node's services and topics, which doesn't answer until it's spun
     with Client(publish=None) as client:
         for name, kind in (
                 ('reset', Trigger), ('reinit', Trigger), ('larger', Trigger),
@@ -48,7 +48,7 @@ def test_parameters_of_a_node_that_answers_late():
 
 
 def test_line_of_pixels():
-    """An image whose picture would be less than a pixel high is shown too."""
+    """An image whose scaled picture would be less than a pixel high is shown one pixel high."""
     async def run(address, client):
         line = np.full((2, 6000, 3), 128, np.uint8)
         async with viewer(address) as seen:

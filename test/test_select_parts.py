@@ -1,4 +1,4 @@
-"""What the page is made of: who may see it, its inputs, and its link to the node."""
+"""Parts of the page: access, parameter inputs, and its link to the node."""
 
 import asyncio
 import sys
@@ -31,12 +31,12 @@ from vtrack_ros.selecting.tracker_link import TrackerLink
     ('localhost', True), ('127.0.0.1', True), ('127.1.2.3', True), ('::1', True), ('', False),
     ('10.0.0.1', False), ('localhost.example', False), ('127.0.0.1.example', False)])
 def test_loopback(host, own):
-    """Only this machine's own names are its own."""
+    """Only names and addresses of the loopback interface are recognised as such."""
     assert is_loopback(host) is own
 
 
 def test_inputs_from_descriptors():
-    """A range without an end has none; what can't change or isn't a scalar is left out."""
+    """An infinite bound is left out; so are read-only parameters and those that aren't scalars."""
     described = [
         ParameterDescriptor(name='half', floating_point_range=[
             FloatingPointRange(from_value=0.0, to_value=sys.float_info.max)]),
@@ -57,7 +57,7 @@ def test_inputs_from_descriptors():
 
 
 def test_an_answer_that_comes_before_its_image_is_shown_with_it():
-    """Until then the one before is shown with its own box; no picture is without one."""
+    """Until its image comes, the previous image is shown, with its own box."""
     context = Context()
     rclpy.init(context=context)
     tracker, watcher = (Node(name, context=context) for name in ('tracker', 'watcher'))
@@ -75,7 +75,7 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
         return message
 
     def seen(publisher, message):
-        """Return the next change's stamp and box, once a message has come."""
+        """Publish a message; return stamp [s] and box of the picture after it has come."""
         changes.clear()
         deadline = time.monotonic() + PATIENCE
         publisher.publish(message)
@@ -108,7 +108,7 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
 
 
 def test_it_closes_between_callbacks(monkeypatch):
-    """A look at the graph that has begun ends before its context does."""
+    """A query of the graph that has begun is finished before its context is shut down."""
     begun, raised, look = threading.Event(), [], Observer.look
 
     def slow(one):
@@ -127,7 +127,7 @@ def test_it_closes_between_callbacks(monkeypatch):
 
 
 def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
-    """A viewer of which a part failed is closed, and it's told why; the page comes again."""
+    """If a part of a viewer fails, its connection is closed and the error is logged."""
     async def broken(self):
         raise RuntimeError('out of order')
     monkeypatch.setattr(TrackerLink, 'reachable', True)

@@ -1,4 +1,4 @@
-"""Keeping the target through whatever may change: streams, trackers, parameters."""
+"""The tracking session: changes of stream, tracker, parameters and seed; restarts."""
 
 from drawn_card import DrawnCard
 from drawn_ellipse import ellipse
@@ -29,7 +29,7 @@ def box(index=0):
 
 
 class Script:
-    """Says what a tracker is told to say: states by call, and remembers the time steps."""
+    """A mock tracker that returns scripted states, one per update, and records the time steps."""
 
     def __init__(self, states):
         self.states = list(states)
@@ -40,14 +40,14 @@ class Script:
         return Estimate(box, 0.0, np.eye(4), 1.0, TrackState.TRACKING)
 
     def update(self, frame, dt):
-        """Go one pixel on."""
+        """Return a fixed box with the next state."""
         self.steps.append(dt)
         state = self.states.pop(0) if self.states else TrackState.TRACKING
         return Estimate(Box(50, 30, 24, 24), 0.0, np.eye(4), 1.0, state)
 
 
 def test_cadence_counts_frame_intervals():
-    """A gap of two intervals is two steps; jitter and the gap itself move nothing."""
+    """A gap of two intervals is two steps; jitter and gaps don't change the interval."""
     estimator = FrameIntervalEstimator()
     assert [estimator.steps(100 + jitter) for jitter in (0, 5, -5, 2)] == [1, 1, 1, 1]
     assert estimator.steps(201) == 2
@@ -56,7 +56,7 @@ def test_cadence_counts_frame_intervals():
 
 
 def test_no_target_no_estimate():
-    """Without a start nothing is said."""
+    """Before a start there is no estimate, no measurement and no restart."""
     session = TrackingSession()
     assert session.update(frame(), 5) is None
     assert session.estimate is None and session.last_measurement is None
@@ -65,7 +65,7 @@ def test_no_target_no_estimate():
 
 @pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_same_seed_same_boxes(tracker):
-    """Two sessions of the same seed say the same, bit for bit."""
+    """Two sessions of the same seed give the same boxes, bit for bit."""
     runs = []
     for _ in range(2):
         session = TrackingSession(tracker, seed=3)
@@ -75,7 +75,7 @@ def test_same_seed_same_boxes(tracker):
 
 
 def test_backwards_ends_it():
-    """A stamp before the last one means another stream."""
+    """A stamp before the last one ends the tracking."""
     session = TrackingSession()
     session.start(frame(0), 1000, box(0))
     assert session.update(frame(1), 2000) is not None
@@ -85,7 +85,7 @@ def test_backwards_ends_it():
 
 
 def test_another_size_ends_it():
-    """So does a frame of another size, or of another number of channels."""
+    """A frame of another size or number of channels ends the tracking."""
     for other in (frame(1, height=80), np.ascontiguousarray(frame(1)[..., 0])):
         session = TrackingSession()
         session.start(frame(0), 0, box(0))
@@ -94,7 +94,7 @@ def test_another_size_ends_it():
 
 
 def test_steps_in_frame_intervals(monkeypatch):
-    """Dropped frames make longer steps, pauses don't make endless ones, equal stamps are one."""
+    """Dropped frames give longer steps, up to LONGEST_STEP; an equal stamp is one step."""
     script = Script([])
     monkeypatch.setattr('vtrack_ros.session.session.create_tracker', lambda *a, **k: script)
     session = TrackingSession()
@@ -105,7 +105,7 @@ def test_steps_in_frame_intervals(monkeypatch):
 
 
 def test_restart_goes_back_to_the_last_good_look(monkeypatch):
-    """While lost, the last measured frame and box are what is learned, not the prediction."""
+    """While lost, a restart learns the last measured frame and box, not the prediction."""
     started = []
 
     class Witness(Script):
@@ -129,7 +129,7 @@ def test_restart_goes_back_to_the_last_good_look(monkeypatch):
 
 @pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_another_tracker_keeps_the_target(tracker):
-    """Every tracker takes over where the one before was."""
+    """Every tracker continues at the previous one's target."""
     session = TrackingSession('pf')
     session.start(frame(0), 0, box(0))
     session.update(frame(1), STEP)
@@ -140,7 +140,7 @@ def test_another_tracker_keeps_the_target(tracker):
 
 
 def test_changed_parameters_are_in_force_on_the_next_frame():
-    """The number of particles is that of the next estimate, and the target stays."""
+    """The next estimate has the new number of particles, and the target is kept."""
     session = TrackingSession('gmpf', parameters={'gmpf': {'particles': 50}})
     session.start(frame(0), 0, box(0))
     assert len(session.update(frame(1), STEP).particles) == 50
@@ -151,7 +151,7 @@ def test_changed_parameters_are_in_force_on_the_next_frame():
 
 
 def test_parameters_of_another_tracker_wait_for_it():
-    """What isn't running takes its values when it's started."""
+    """A tracker that isn't running uses its changed parameters when it's started."""
     session = TrackingSession('gmpf')
     session.start(frame(0), 0, box(0))
     session.change(parameters={'pf': {'particles': 33}})
@@ -169,7 +169,7 @@ def test_parameters_of_another_tracker_wait_for_it():
     ({'tracker': 'pf', 'seed': 1, 'parameters': {'pf': {'particles': -1}}}, ValueError),
 ])
 def test_wrong_changes_change_nothing(change, error):
-    """One wrong value, and nothing is changed at all."""
+    """A change with one wrong value raises an error and changes nothing."""
     session, untouched = TrackingSession('gmpf', seed=4), TrackingSession('gmpf', seed=4)
     for one in (session, untouched):
         one.start(frame(0), 0, box(0))
@@ -182,7 +182,7 @@ def test_wrong_changes_change_nothing(change, error):
 
 
 def test_a_new_seed_counts_from_the_next_start():
-    """The run that is on goes on as it was."""
+    """A new seed has no effect on the running tracker, only from the next start on."""
     session, untouched = TrackingSession('gmpf', seed=4), TrackingSession('gmpf', seed=4)
     for one in (session, untouched):
         one.start(frame(0), 0, box(0))
@@ -202,7 +202,7 @@ def fresh_run(seed):
 @pytest.mark.parametrize('before, after, rotation', [
     ('gmpf', 'pf', True), ('appf', 'abmspf', True), ('gmpf', 'dcf', False)])
 def test_another_tracker_goes_on_with_a_turned_target(before, after, rotation):
-    """With its rotation and its own size, where it has them; in its bound at any rate."""
+    """The bound is kept, and so are rotation and own size if the tracker measures rotation."""
     drawn, center, angle = DrawnCard(), (150.0, 120.0), -1.2
     session = TrackingSession(before, seed=1)
     session.start(drawn.frame(center), 0, drawn.box(center))
@@ -219,7 +219,7 @@ def test_another_tracker_goes_on_with_a_turned_target(before, after, rotation):
 
 
 def test_a_rotation_without_an_affine_frame_leaves_the_box():
-    """Who tells an angle, but not what its box would be upright, was seen in its box."""
+    """If a tracker gives an angle but no affine frame, the measured bound is its box."""
     center, axes = (160.0, 120.0), (44.0, 22.0)
     session = TrackingSession('abmspf_paper', seed=1)
     session.start(ellipse(center, axes), 0, Box.from_center(*center, 88, 44))

@@ -1,4 +1,4 @@
-"""What a target looked like at first, and an image that shows it elsewhere."""
+"""The exemplar, a picture of the target at its selection, and images made from it."""
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ def smooth(rows, columns, colour=True):
 
 @pytest.mark.parametrize('colour', [True, False])
 def test_in_its_own_place_it_is_what_was_seen(colour):
-    """Four of its sides wide; what is beyond wasn't kept."""
+    """It's four of the target's sides wide; placed in its own box it equals the frame."""
     frame, box = smooth(240, 320, colour), Box(130, 90, 40, 30)
     exemplar = Exemplar.of(frame, box)
     assert exemplar.picture.shape[:2] == (160, 160) and exemplar.box == Box(60, 65, 40, 30)
@@ -28,7 +28,7 @@ def test_in_its_own_place_it_is_what_was_seen(colour):
 
 
 def test_it_fills_another_box():
-    """Moved and stretched with its surroundings: a ramp is a ramp of another slope."""
+    """It's moved and scaled with its surroundings: a ramp becomes one of another slope."""
     x = np.arange(200) + 0.5
     exemplar = Exemplar.of(np.tile(x, (150, 1)).astype(np.uint8), Box(80, 50, 40, 40))
     placed = exemplar.placed(Box(30.5, 60.25, 60, 20), (120, 160))
@@ -46,7 +46,7 @@ def test_it_turns_clockwise_about_the_box(colour):
 
 
 def test_a_large_one_is_kept_small():
-    """At most 256 pixels wide, and shown in its size again."""
+    """It's scaled down to 256 pixels, and placed in its original size again."""
     frame, box = smooth(1200, 1600), Box(500, 400, 300, 240)
     exemplar = Exemplar.of(frame, box)
     assert max(exemplar.picture.shape) == 256
@@ -56,7 +56,7 @@ def test_a_large_one_is_kept_small():
 
 
 def test_it_does_not_change_with_the_frame():
-    """A driver may write the next image into the same memory."""
+    """It's a copy, for a driver may write the next image into the same memory."""
     frame = smooth(240, 320)
     exemplar = Exemplar.of(frame, Box(130, 90, 40, 30))
     before = exemplar.picture.copy()
@@ -65,7 +65,7 @@ def test_it_does_not_change_with_the_frame():
 
 
 def test_over_the_border_it_is_what_there_is():
-    """The box keeps its place in a picture that ends at the frame's border."""
+    """The picture ends at the frame's border, and the box keeps its place in it."""
     frame, box = smooth(240, 320), Box(-10, 200, 40, 60)
     exemplar = Exemplar.of(frame, box)
     assert exemplar.box.x == -10

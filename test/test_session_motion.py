@@ -1,4 +1,4 @@
-"""The velocity of what is measured: right, honest, and nothing that a jump could make up."""
+"""The motion filter: velocity, its covariance, forecasts, and jumps that are no motion."""
 
 import math
 
@@ -14,7 +14,7 @@ from vtrack_ros.tracker import Estimate, TrackState
 STEP = 33_333_333
 SECONDS = STEP / 1e9
 SIDE = 40.0
-#: The covariance that trackers have of a target that they see.
+#: A typical covariance of a tracker's measured box.
 COVARIANCE = np.diag([0.07, 0.07, 0.1, 0.1])**2 * SIDE**2
 
 
@@ -24,7 +24,7 @@ def measured(x, y=100.0, size=SIDE, covariance=COVARIANCE, state=TrackState.TRAC
 
 
 def follow(centers, stamps=None, covariance=COVARIANCE):
-    """Return the filter after it has been given squares about the centres; None: out of sight."""
+    """Return a filter that was given squares about the centres; None is no measurement."""
     motion_filter = MotionFilter()
     stamps = STEP * (1 + np.arange(len(centers))) if stamps is None else stamps
     for center, stamp in zip(centers, stamps):
@@ -34,7 +34,7 @@ def follow(centers, stamps=None, covariance=COVARIANCE):
 
 
 def straight(frames, speed=90.0):
-    """Return the centres of a target that goes to the right and half as fast up, in px/s."""
+    """Return centres of a target that moves right at `speed` [px/s], and up at half of it."""
     return [(50 + speed * SECONDS * i, 200 - speed / 2 * SECONDS * i) for i in range(frames)]
 
 
@@ -46,7 +46,7 @@ def moving(motion_filter, age=0.0):
 
 
 def test_constant_velocity_is_found():
-    """From no velocity, which isn't sure, to the true one, which is."""
+    """From 0 with a large variance the velocity converges on the true one with a small one."""
     first = moving(follow(straight(1)))
     assert not first.velocity.any()
     assert first.covariance[4, 4] > 90**2
@@ -57,7 +57,7 @@ def test_constant_velocity_is_found():
 
 
 def test_who_turns_neither_grows_nor_comes_nearer():
-    """The upright bound of a target of 40 x 20 px changes; its own size doesn't."""
+    """A rotating target of 40 x 20 px keeps its size and velocity, though its bound changes."""
     motion_filter, size = MotionFilter(), (40.0, 20.0)
     for index in range(30):
         turn, center = 0.1 * index, (50.0 + 3 * index, 100.0)
@@ -73,10 +73,10 @@ def test_who_turns_neither_grows_nor_comes_nearer():
 @pytest.mark.parametrize('density, fading, most', [(2.0, math.inf, 0.995), (500.0, 0.1, 0.95)])
 def test_error_is_what_the_covariance_says(density, fading, most):
     """
-    Of simulated targets the 90 % ellipse holds about 90 %.
+    The 90 % ellipse of the velocity holds the true one in about 90 % of the frames.
 
-    Of steady ones more: they might become erratic in the next moment. Truth by Euler's method in
-    steps of a millisecond; the errors of measurement are white.
+    In more for steady targets: the filter allows for them to become erratic. The truth is by
+    Euler's method in steps of a millisecond; the errors of measurement are white.
     """
     rng, inside = np.random.default_rng(8), []
     for _ in range(25):
@@ -98,7 +98,7 @@ def test_error_is_what_the_covariance_says(density, fading, most):
 
 
 def test_frames_that_never_came():
-    """The stamps tell the time: with two of three frames missing the velocity is the same."""
+    """With two of three frames missing the velocity is the same: the time is by the stamps."""
     every = straight(60)
     stamps = STEP * np.arange(1, 61)
     assert moving(follow(every[::3], stamps[::3])).velocity == pytest.approx(
@@ -106,7 +106,7 @@ def test_frames_that_never_came():
 
 
 def test_out_of_sight_and_found_on_its_way():
-    """While it isn't measured there is no motion; found where it was expected, it goes on."""
+    """Without a measurement there is no motion; found at the predicted place, it's as before."""
     hidden = [*straight(30), *[None] * 6]
     assert follow(hidden).motion() is None
     seen = moving(follow([*hidden, *straight(37)[-1:]]))
@@ -116,7 +116,7 @@ def test_out_of_sight_and_found_on_its_way():
 @pytest.mark.parametrize('gap', [0, 1, 6, 40])
 @pytest.mark.parametrize('sides', [-6, 5])
 def test_found_elsewhere_is_no_velocity(gap, sides):
-    """A jump to where no motion leads begins anew: at rest, and not sure of it."""
+    """A jump that no motion explains restarts the filter: velocity 0, with a large variance."""
     way = straight(30)
     x, y = way[-1]
     motion = moving(follow([*way, *[None] * gap, (x + sides * SIDE, y)]))
@@ -126,7 +126,7 @@ def test_found_elsewhere_is_no_velocity(gap, sides):
 
 
 def test_long_pause_says_nothing():
-    """After a longer time than may be foretold nothing is known of the velocity."""
+    """A gap longer than LONGEST_FORECAST restarts the filter, with velocity 0."""
     way = straight(30)
     stamps = STEP * np.arange(1, 31)
     stamps[-1] = stamps[-2] + LONGEST_FORECAST * 1e9 + STEP
@@ -134,12 +134,12 @@ def test_long_pause_says_nothing():
 
 
 def test_images_without_stamps_have_no_velocity():
-    """Nothing says how much time passed."""
+    """If all stamps are 0 the velocity stays 0, for the time that passed is unknown."""
     assert not moving(follow(straight(10), np.zeros(10))).velocity.any()
 
 
 def test_forecast():
-    """The measured box goes on with the velocity, and its covariance grows from the tracker's."""
+    """The box is extrapolated with the velocity, and its covariance grows from the tracker's."""
     motion_filter = follow(straight(40))
     now, later, last = (moving(motion_filter, age) for age in (0.0, 0.05, 0.2))
     assert now.covariance[:4, :4] == pytest.approx(
@@ -155,7 +155,7 @@ def test_forecast():
 
 
 def test_growth():
-    """A target that comes nearer by a factor of e in two seconds has a width that says so."""
+    """If the size grows by a factor of e in two seconds, its velocity is half of it per second."""
     motion_filter = MotionFilter()
     for i in range(1, 61):
         motion_filter.add(measured(100.0, size=20 * math.exp(i * SECONDS / 2)), i * STEP)
@@ -167,7 +167,7 @@ def test_growth():
 
 
 def test_unknown_covariance_stays_unknown():
-    """A tracker that says no covariance has a velocity all the same, but no covariance of it."""
+    """If the tracker's covariance is NaN the velocity is known, but its covariance is NaN."""
     motion = moving(follow(straight(40), covariance=np.full((4, 4), np.nan)))
     assert motion.velocity == pytest.approx([90, -45, 0, 0], abs=0.5)
     assert np.isnan(motion.covariance).all()
@@ -176,14 +176,14 @@ def test_unknown_covariance_stays_unknown():
 @pytest.mark.parametrize('covariance', [
     np.zeros((4, 4)), np.ones((4, 4)), -np.eye(4), 1e12 * np.eye(4), np.full((4, 4), 1e200)])
 def test_whatever_a_tracker_says(covariance):
-    """Nothing that a tracker may call a covariance breaks the filter."""
+    """With zero, singular, negative or huge covariances the velocity stays finite."""
     motion = moving(follow([*straight(20), (1e5, -1e5), (0, 0), None, (1e-3, 0)],
                            covariance=covariance), 0.5)
     assert np.isfinite(motion.velocity).all()
 
 
 def test_who_asks_late_is_told_the_same():
-    """Nothing is filtered until somebody asks; the velocity is the same as if always asked."""
+    """Filtering waits for a query; the velocity is the same as if queried in every frame."""
     asked, silent = MotionFilter(), MotionFilter()
     for i, center in enumerate(straight(80)):
         for one in (asked, silent):
@@ -193,7 +193,7 @@ def test_who_asks_late_is_told_the_same():
 
 
 def test_session_begins_anew_with_every_target():
-    """A new selection, and a target that was given up, leave nothing of the motion before."""
+    """A new selection starts at velocity 0; after the target is given up there is no motion."""
     rng = np.random.default_rng(1)
     ground = rng.integers(60, 90, (120, 200, 3), np.uint8)
     patch = np.kron(rng.integers(0, 2, (4, 4)), np.ones((6, 6), int))[..., None] * 190

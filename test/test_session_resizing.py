@@ -54,7 +54,7 @@ def test_larger(tracker):
 
 
 def test_exemplar_is_of_the_new_extent():
-    """Who takes the target up later learns the new extent."""
+    """After a resize the exemplar, from which the target is learned later, has the new extent."""
     session = on_the_part()
     session.resize(True)
     box = session.exemplar.box

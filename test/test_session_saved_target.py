@@ -1,4 +1,4 @@
-"""A target as data: what one session saves, another goes on with, or refuses."""
+"""Saved targets: data of one session that another one continues from, or refuses."""
 
 from dataclasses import replace
 import json
@@ -40,7 +40,7 @@ def target():
 
 @pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_another_session_goes_on(tracker):
-    """It finds the target a second later, by nothing but the text; grey for one of them."""
+    """From the text alone it tracks the target a second later; dcf in grey frames."""
     video, path = DrawnVideo(tracker != 'dcf'), straight(50, (1.0, 0.5))
     data = SavedTarget.parsed(saved(tracked(video, path[:5], tracker)).text())
     session = TrackingSession(tracker, seed=1)
@@ -54,9 +54,9 @@ def test_another_session_goes_on(tracker):
 @pytest.mark.parametrize('tracker', tracker_names(replicas=False))
 def test_a_target_that_is_gone_is_seldom_tracked(tracker):
     """
-    What is in its place now is said not to be the target within a third of a second.
+    If the target is gone, a new session seldom says TRACKING after a third of a second.
 
-    Of eight films less than two are taken for it: some ground resembles what is known so briefly.
+    In eight films less than a quarter of the states: some ground resembles a target seen briefly.
     """
     states = []
     for seed in range(8):
@@ -79,7 +79,7 @@ def restarted(session):
 
 @pytest.mark.parametrize('tracker', ['gmpf', 'dcf'])
 def test_a_target_outlives_many_sessions(tracker):
-    """What each one is off by does not add up: thirty restarts, ten frames each."""
+    """Errors don't accumulate over thirty sessions of ten frames each."""
     path = straight(8, (4.0, 0.0))
     there_and_back = path + path[::-1]
     frames = list(DrawnVideo().frames(there_and_back))
@@ -96,7 +96,7 @@ def test_a_target_outlives_many_sessions(tracker):
 @pytest.mark.parametrize('tracker', ['gmpf', 'appf'])
 @pytest.mark.parametrize('angle', [0.4, -1.2, 2.8])
 def test_a_turned_target_outlives_the_session(tracker, angle):
-    """Its rotation since it was selected, and its own size, are known in the next one too."""
+    """The next session has its rotation since it was selected, and its own size."""
     drawn, center = DrawnCard(), (150.0, 120.0)
     session = TrackingSession(tracker, seed=1)
     session.start(drawn.frame(center), 0, drawn.box(center))
@@ -111,14 +111,14 @@ def test_a_turned_target_outlives_the_session(tracker, angle):
 
 
 def test_a_target_saved_without_its_rotation_stands_upright(target):
-    """As every file of an earlier version has it."""
+    """A text without an angle, as of an earlier version, is read with the angle 0."""
     rows = json.loads(target.text())
     del rows['angle']
     assert SavedTarget.parsed(json.dumps(rows)) == replace(target, angle=0.0)
 
 
 def test_what_is_not_like_its_exemplar_is_known_as_it_was_last():
-    """A target that has become another since it was selected is taken up all the same."""
+    """A target that has changed since it was selected is tracked as it looked last."""
     selected, now, center = DrawnVideo(seed=1), DrawnVideo(seed=2), (150.0, 120.0)
     data = replace(saved(tracked(now, [center] * 3)), **{
         name: getattr(saved(tracked(selected, [center] * 3)), name)
@@ -127,12 +127,12 @@ def test_what_is_not_like_its_exemplar_is_known_as_it_was_last():
     session.take_up(data.measurement(), data.interval, data.exemplar())
     estimate = session.update(now.frame(center), STEP * 3)
     assert estimate.measured and estimate.box.iou(box_at(center)) > 0.8
-    # and what it was selected for isn't forgotten
+    # and the exemplar of its selection is kept
     assert saved(session).first_box == data.first_box
 
 
 def test_text_says_it_all(target):
-    """What is read is what was written: JSON, and nothing in it that could be executed."""
+    """Read again, it's the same target; it's JSON, which holds nothing that could be executed."""
     text = target.text()
     assert SavedTarget.parsed(text) == target
     assert text.startswith(MARK) and json.loads(text)['identity'] == ['mug', '7']
@@ -140,7 +140,7 @@ def test_text_says_it_all(target):
 
 
 def test_a_large_target_makes_a_small_file():
-    """Its picture is made smaller, and has the same place again."""
+    """Its picture is scaled down, and restored in its place and size."""
     rng = np.random.default_rng(0)
     frame = np.kron(rng.integers(0, 256, (9, 16, 3)), np.ones((120, 120, 1))).astype(np.uint8)
     session = TrackingSession()
@@ -154,7 +154,7 @@ def test_a_large_target_makes_a_small_file():
 
 
 def test_an_earlier_time_or_another_stream_is_refused(target):
-    """Each reason has words of its own."""
+    """A ValueError names the reason: age, image size, frame_id, or another stream."""
     frame, later = target.measurement().frame, target.stamp + 1
     target.check(frame, later, 'camera', NOW + 10**9, 30)
     for wrong, message in (
@@ -176,7 +176,7 @@ def test_an_earlier_time_or_another_stream_is_refused(target):
     ('picture', '?'), ('picture', 3), ('first_picture', '?'), ('first_box', [1]),
     ('identity', 'mug'), ('identity', ['mug'])])
 def test_damage_is_noticed(target, name, value):
-    """A ValueError, never anything else, and never a target."""
+    """A wrong or missing field raises a ValueError."""
     rows = json.loads(target.text())
     with pytest.raises(ValueError):
         SavedTarget.parsed(json.dumps({**rows, name: value}))
@@ -187,14 +187,14 @@ def test_damage_is_noticed(target, name, value):
 
 @pytest.mark.parametrize('angle', [None, float('nan'), 99])
 def test_a_rotation_that_is_none_is_refused(target, angle):
-    """A ValueError, as other damage."""
+    """An invalid angle raises a ValueError."""
     rows = json.loads(target.text())
     with pytest.raises(ValueError):
         SavedTarget.parsed(json.dumps({**rows, 'angle': angle}))
 
 
 def test_every_cut_is_noticed(target):
-    """A file that was not written to its end, an empty one, one without a picture."""
+    """Truncated or empty text, and pictures that can't be decoded, raise a ValueError."""
     text = target.text()
     for length in [*range(0, 400, 7), len(text) - 3]:
         with pytest.raises(ValueError):

@@ -24,33 +24,33 @@ def history(seconds=2.0, megabytes=1.0, stamps=()):
 
 
 def test_history_is_bounded_in_time():
-    """Frames older than the bound go."""
+    """Frames older than the bound are dropped."""
     kept = history(seconds=1.0, stamps=[i * SECOND // 4 for i in range(20)])
     assert (kept.oldest, kept.newest) == (15 * SECOND // 4, 19 * SECOND // 4)
     assert len(kept) == 5
 
 
 def test_history_is_bounded_in_memory():
-    """However fast the camera and large its images, memory has a limit."""
+    """However many frames come, they take at most `megabytes`."""
     kept = FrameHistory(30.0, 0.1)
     for index in range(1000):
         kept.append(index, frame(side=100))
         assert kept.nbytes <= 100_000
     assert len(kept) == 10
-    # The newest frame is kept whatever it takes.
+    # The newest frame is kept, whatever its size.
     kept.append(2000, frame(side=1000))
     assert len(kept) == 1 and kept.newest == 2000
 
 
 def test_history_clears_when_stamps_go_backwards():
-    """Frames of another stream are no frames of this one."""
+    """A stamp that goes backwards clears all frames before it."""
     kept = history(stamps=[10, 20, 30])
     kept.append(5, frame(9))
     assert len(kept) == 1 and kept.nbytes == 10_000
 
 
 def test_history_clears_when_the_shape_changes():
-    """Nobody can catch up through frames of another size, or grey ones."""
+    """A frame of another size or number of channels clears all frames before it."""
     for other in (frame(side=50), np.zeros((100, 100, 3), np.uint8)):
         kept = history(stamps=[10, 20, 30])
         kept.append(40, other)
@@ -58,7 +58,7 @@ def test_history_clears_when_the_shape_changes():
 
 
 def test_since_takes_the_nearest():
-    """Between two frames the nearer one is meant."""
+    """`since` begins with the frame nearest to the stamp; None gives the newest one alone."""
     kept = history(stamps=[100, 200, 300])
     assert [stamp for stamp, _ in kept.since(240)] == [200, 300]
     assert [stamp for stamp, _ in kept.since(260)] == [300]
@@ -67,7 +67,7 @@ def test_since_takes_the_nearest():
 
 
 def test_selection_starts_on_its_own_frame():
-    """The frame of the stamp first, then all that came later."""
+    """It gives the frame of its stamp first, then all later ones."""
     selector = Selector(history(stamps=[0, SECOND, 2 * SECOND]))
     selector.select(Selection(Box(1, 1, 9, 9), 'test', SECOND))
     selection, frames = selector.ready()
@@ -88,7 +88,7 @@ def test_selection_waits_for_its_frame():
 
 
 def test_selection_before_any_frame():
-    """Before the first frame everything waits; one that never came is said to be missing."""
+    """Before the first frame a selection waits; if its own frame isn't there it's refused."""
     kept = FrameHistory(2.0, 1.0)
     selector = Selector(kept)
     selector.select(Selection(Box(1, 1, 9, 9), 'test', 5 * SECOND))
@@ -100,7 +100,7 @@ def test_selection_before_any_frame():
 
 
 def test_selection_that_is_too_old():
-    """What can't be had is refused at once, and what was pending stays."""
+    """A selection that is too old is refused at once, and the pending one is kept."""
     selector = Selector(history(stamps=[10 * SECOND, 11 * SECOND]))
     first = Selection(Box(1, 1, 9, 9), 'test')
     selector.select(first)
@@ -122,7 +122,7 @@ def test_selection_in_the_future(stamps):
 
 
 def test_selection_after_a_pause():
-    """The frames that were kept before it don't tell what time it is now."""
+    """A selection after a pause isn't compared with the stamps of frames from before it."""
     kept = history(stamps=[10 * SECOND, 10 * SECOND + SECOND // 10])
     selector = Selector(kept)
     selector.select(Selection(Box(1, 1, 9, 9), 'test', 60 * SECOND))
@@ -134,20 +134,20 @@ def test_selection_after_a_pause():
 @pytest.mark.parametrize('seconds, megabytes, parameter', [
     (2.0, 0.05, 'history_megabytes'), (0.15, 1.0, 'history_seconds')])
 def test_selection_never_starts_on_other_pixels(seconds, megabytes, parameter):
-    """A frame that's no longer kept isn't replaced by a later one; what keeps more is named."""
+    """A selection on a dropped frame is refused, and the parameter that keeps more is named."""
     stamps = [10 * SECOND + i * SECOND // 30 for i in range(20)]
     selector = Selector(history(seconds, megabytes, stamps))
     refused = f'too old: frames are kept from 10.*; raise {parameter} '
     with pytest.raises(ValueError, match=refused):
         selector.select(Selection(Box(1, 1, 9, 9), 'test', stamps[8]))
-    # One that may have been lost on the way is as good as its neighbour.
+    # A frame that may have been lost in transport is replaced by its neighbour.
     selector.select(Selection(Box(1, 1, 9, 9), 'test', stamps[17] + SECOND // 60))
     _, frames = selector.ready()
     assert frames[0][0] in stamps[17:19]
 
 
 def test_selection_on_a_frame_that_was_lost():
-    """In the midst of a gap there's no frame that could be meant."""
+    """A selection in the middle of a gap is refused, and the nearest frame is named."""
     stamps = [i * SECOND // 30 for i in [*range(10), *range(16, 20)]]
     selector = Selector(history(stamps=stamps))
     selector.select(Selection(Box(1, 1, 9, 9), 'test', 13 * SECOND // 30))
@@ -173,6 +173,6 @@ def test_box_on_a_frame():
     (Box(20, 20, 20, 1.9), False, 'at least 2 px'),
     (Box(49, 20, 20, 20), True, 'at least 2 px')])
 def test_box_that_cannot_be_followed(box, clamp, words):
-    """What shows next to nothing of a target is refused, with what's valid."""
+    """A box outside the image, or too small, is refused with what's valid."""
     with pytest.raises(ValueError, match=words):
         Selection(box, 'a', clamp=clamp).box_on(frame(side=50))

@@ -1,4 +1,4 @@
-"""A target without ROS around it: who may select it, when, and what a fault does."""
+"""A target without ROS: selections, streams, and faults of the tracker."""
 
 import numpy as np
 import pytest
@@ -14,20 +14,20 @@ STEP = 33_333_333
 
 
 class Lines:
-    """A log that remembers."""
+    """A log that keeps its lines."""
 
     def __init__(self):
         self.said = []
 
     def info(self, text):
-        """Remember."""
+        """Keep a line."""
         self.said.append(text)
 
     warning = error = repeated_error = info
 
 
 class Scripted:
-    """A tracker that says what it's told to."""
+    """A mock tracker that returns, or raises, what is in `states`."""
 
     states: list = []
 
@@ -41,7 +41,7 @@ class Scripted:
         return Estimate(box, 0.0, np.eye(4), 1.0, TrackState.TRACKING)
 
     def update(self, frame, dt=1.0):
-        """Say the next state, or raise it."""
+        """Return the next state, or raise it."""
         self.updates += 1
         state = self.states.pop(0) if self.states else TrackState.TRACKING
         if isinstance(state, Exception):
@@ -51,7 +51,7 @@ class Scripted:
 
 @pytest.fixture
 def scripted(monkeypatch):
-    """Let every tracker be the scripted one; returns those that were made."""
+    """Replace every tracker by the mock; return a list of those that were made."""
     made = []
 
     def create(*_, **__):
@@ -63,7 +63,7 @@ def scripted(monkeypatch):
 
 
 class Following:
-    """A target with its log, and the history that it's fed from."""
+    """A target with its log and its frame history."""
 
     def __init__(self, box=None, history=None):
         self.log = Lines()
@@ -83,12 +83,12 @@ def frame(value=0):
 
 
 def selection(x=50.0, class_id='ball', stamp=None):
-    """Return a box that somebody selected."""
+    """Return a selection by a box."""
     return Selection(Box(x - 10, 40, 20, 20), '~/init', stamp, class_id=class_id)
 
 
 def test_detector_is_wanted_while_there_is_no_target_or_it_is_lost(scripted):
-    """While tracking and while searching it isn't; after it was lost it is again."""
+    """It's wanted without a target or after LOST, not while tracking or searching."""
     follow = Following()
     Scripted.states = [TrackState.TRACKING, TrackState.SEARCHING, TrackState.LOST]
     assert follow.target.wanted
@@ -118,7 +118,7 @@ def test_a_stamped_selection_starts_on_its_frame(scripted):
 
 
 def test_two_targets_of_one_history(scripted):
-    """One process may follow several: each has its session, and all of them the same frames."""
+    """Two targets with sessions of their own share frames; each starts on its own selection's."""
     one = Following()
     other = Target(TrackingSession(), one.history, Lines())
     for index in range(3):
@@ -133,7 +133,7 @@ def test_two_targets_of_one_history(scripted):
 
 
 def test_a_fault_of_the_tracker_forgets_the_target_and_no_more(scripted):
-    """Whatever it raises is said, and the next selection is followed."""
+    """The tracker's error is logged, and the next selection is tracked."""
     follow = Following(Box(10, 10, 20, 20))
     assert follow.update(frame(), 0) is not None
     Scripted.states = [np.linalg.LinAlgError('singular')]
@@ -144,7 +144,7 @@ def test_a_fault_of_the_tracker_forgets_the_target_and_no_more(scripted):
 
 
 def test_init_box_counts_at_the_beginning_of_a_stream(scripted):
-    """It's used once a stream, and again in the next."""
+    """It's selected once per stream, and again in the next one, unless told otherwise."""
     follow = Following(Box(10, 10, 20, 20))
     assert follow.update(frame(), 100) is not None
     follow.target.forget()
@@ -157,7 +157,7 @@ def test_init_box_counts_at_the_beginning_of_a_stream(scripted):
 
 
 def test_every_target_has_its_own_name(scripted):
-    """Unless it was given one, a target is counted."""
+    """Unless a selection has an id, the target's id is a running number."""
     follow = Following(Box(10, 10, 20, 20))
     follow.update(frame(), 0)
     assert follow.target.identity == ('target', '1')
@@ -167,7 +167,7 @@ def test_every_target_has_its_own_name(scripted):
 
 
 def test_nothing_is_left_of_another_stream(scripted):
-    """A selection that waits for its frame doesn't wait into the next stream."""
+    """A pending selection is dropped when another stream begins."""
     follow = Following()
     follow.update(frame(), 10**9)
     follow.target.select(selection(stamp=2 * 10**9))
@@ -179,7 +179,7 @@ def test_nothing_is_left_of_another_stream(scripted):
     (np.zeros((80, 90), np.uint8), 'the image size changed from 100 x 100 to 90 x 80'),
     (np.zeros((100, 100, 3), np.uint8), 'the images changed from grey to colour')])
 def test_frames_of_another_shape_forget_the_target(scripted, picture, words):
-    """The log says what is different, and the new frames are as good as the old ones."""
+    """The log says what has changed, and the next selection is tracked in the new frames."""
     follow = Following(Box(10, 10, 20, 20))
     assert follow.update(frame(), 0) is not None
     assert follow.update(picture, STEP) is None
@@ -189,7 +189,7 @@ def test_frames_of_another_shape_forget_the_target(scripted, picture, words):
 
 
 def test_selection_on_a_frame_of_another_shape(scripted):
-    """Nobody can catch up from it: it's refused, and no start is told of that wasn't one."""
+    """It's refused as too old, for frames of another shape are dropped, and nothing starts."""
     follow = Following()
     follow.update(np.zeros((80, 90), np.uint8), 10**9)
     follow.update(frame(), 10**9 + STEP)
@@ -200,7 +200,7 @@ def test_selection_on_a_frame_of_another_shape(scripted):
 
 
 def test_selection_of_the_future_does_not_shut_the_detector_out(scripted):
-    """One that came before the first frame, with a stamp of another clock, is refused by it."""
+    """A selection stamped far ahead, before the first frame, is refused when that comes."""
     follow = Following()
     follow.target.select(selection(stamp=10**18))
     assert follow.update(frame(), 0) is None

@@ -1,4 +1,4 @@
-"""What time must not change: the soak of benchmarks/soak.py, for seconds instead of an hour."""
+"""The soak test of benchmarks/soak.py, for seconds instead of an hour."""
 
 from node_bench import Bench, scene, target_box, WAY
 import numpy as np
@@ -22,7 +22,7 @@ def test_a_node_keeps_what_it_has():
 
 
 def test_a_size_that_stays_is_kept():
-    """The errors of six hundred measurements of the size, once a factor of 1.4, don't add up."""
+    """Errors of 600 measurements of the size don't accumulate (they once gave a factor of 1.4)."""
     width, height = 640, 480
     messages, _ = scene(width, height)
     frames = [np.frombuffer(one.data, np.uint8).reshape(height, width, 3) for one in messages]

@@ -97,12 +97,12 @@ def test_the_box_stands_upright_about_a_turned_target():
         estimate = tracker.update(drawn.frame(center, np.pi / 2, seed=index))
     width, height = drawn.size
     assert estimate.box.iou(Box.from_center(*center, height, width)) > 0.8
-    # a size in another frame than the box would be an error of the size
+    # if box and size had different axes, that would count as an error of the size
     assert np.sqrt(np.diag(estimate.covariance)[2:]).max() < 0.25 * height
 
 
 def test_a_turned_target_stays_in_the_image():
-    """What is inside the image that's turned back may lie beyond the image itself."""
+    """The centre stays inside the image, not only inside the image that's rotated back."""
     for seed in range(3):
         rng = np.random.default_rng(seed)
         frames = [np.repeat(rng.integers(256, size=(9, 1, 3), dtype=np.uint8), 5, 0)

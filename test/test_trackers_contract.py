@@ -1,4 +1,4 @@
-"""What every tracker of the product owes its users."""
+"""The contract that every tracker of the package (without replicas) fulfils."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def check(estimate):
 @ALL
 @pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
 def test_it_follows_a_moving_target(name, colour):
-    """A target of its own colours and texture: IoU above 0.5 to the end, seldom in doubt."""
+    """A textured target is tracked: IoU above 0.5 at the end, and mostly in state TRACKING."""
     video = DrawnVideo(colour)
     path = straight(14, (2.0, 1.0))
     tracker = create_tracker(name, seed=1)
@@ -51,7 +51,7 @@ def test_it_follows_a_moving_target(name, colour):
 
 @ALL
 def test_the_first_estimate_is_the_given_box(name):
-    """Nobody knows better than the user where the target is."""
+    """It's the box that the user gave, in state TRACKING."""
     video = DrawnVideo()
     estimate = create_tracker(name, seed=1).start(video.frame(START), box_at(START))
     np.testing.assert_allclose(estimate.box.as_array(), box_at(START).as_array(), atol=1e-6)
@@ -118,7 +118,7 @@ def test_a_box_without_numbers_cannot_be_made():
 
 @ALL
 def test_wrong_parameters_are_refused(name):
-    """Unknown names list the valid ones; every number is refused beyond either end."""
+    """Unknown names, numbers beyond either bound, wrong types and wrong choices raise errors."""
     table = tracker_class(name).PARAMETERS
     with pytest.raises(ValueError, match='unknown parameter of ' + name + ': .no_such_parameter'):
         create_tracker(name, no_such_parameter=1)
@@ -137,7 +137,7 @@ def test_wrong_parameters_are_refused(name):
 
 @ALL
 def test_every_parameter_may_change_while_it_runs(name):
-    """Each number grows by a fifth, and the target is kept."""
+    """Each number is raised by a fifth while it runs, and the target is kept."""
     path = straight(14, (1.5, 0.5))
     frames = list(DrawnVideo().frames(path))
     tracker = create_tracker(name, seed=1)
@@ -159,7 +159,7 @@ def test_every_parameter_may_change_while_it_runs(name):
 
 @ALL
 def test_a_change_is_made_whole_or_not_at_all(name):
-    """One wrong value keeps the right ones out too."""
+    """If one value is wrong, the valid ones aren't set either."""
     tracker = create_tracker(name, seed=1)
     before = tracker.parameters
     rows = tracker_class(name).PARAMETERS.values()
@@ -171,7 +171,7 @@ def test_a_change_is_made_whole_or_not_at_all(name):
 
 @ALL
 def test_dropped_frames_are_bridged(name):
-    """Every third frame of a target at 2 px a frame, told by dt = 3."""
+    """With only every third frame, and dt = 3, a target at 2 px per frame is tracked."""
     video = DrawnVideo()
     path = straight(24, (2.0, 0.5))[::3]
     tracker = create_tracker(name, seed=1)
@@ -184,7 +184,7 @@ def test_dropped_frames_are_bridged(name):
 
 @ALL
 def test_it_says_so_when_the_target_leaves_the_image(name):
-    """The target runs out at the right border: bounded boxes, and not TRACKING in the end."""
+    """When the target has left, boxes stay bounded, and the state isn't TRACKING in the end."""
     video = DrawnVideo()
     start = (250.0, 110.0)
     path = [(start[0] + 5 * i, start[1]) for i in range(21)]
@@ -204,7 +204,7 @@ def test_it_says_so_when_the_target_leaves_the_image(name):
 
 @ALL
 def test_no_box_depends_on_what_confidence_is_enough(name):
-    """A threshold says when a target is said to be tracked, and not where it is."""
+    """confidence_threshold has an effect on the state, but not on box and confidence."""
     video = DrawnVideo()
     path = [*straight(8, (2.0, 1.0)), *[None] * 6, *straight(20, (2.0, 1.0))[14:]]
     trackers = [create_tracker(name, confidence_threshold=value, seed=1)
@@ -250,7 +250,7 @@ def test_odd_sizes_do_no_harm(name, shape, box):
 
 @ALL
 def test_frames_of_one_colour_each_do_no_harm(name):
-    """A covered lens under a changing light has nothing to see; estimates stay finite."""
+    """In uniform frames of changing brightness, as of a covered lens, estimates stay finite."""
     rng = np.random.default_rng(4)
     for _ in range(8):
         tracker = create_tracker(name, seed=1)
@@ -263,7 +263,7 @@ def test_frames_of_one_colour_each_do_no_harm(name):
 @pytest.mark.filterwarnings('error::RuntimeWarning')
 @ALL
 def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
-    """However uncertain a place may be: no farther than the image and as much again all around."""
+    """After any pause the centre's standard deviation is below three times the image's side."""
     path = straight(8, (3.0, 0.0))
     frames = list(DrawnVideo().frames(path))
     for pause in (1e2, 1e3, 1e5, 1e9):
@@ -281,7 +281,7 @@ def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
 @pytest.mark.parametrize('name', [
     name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])
 def test_a_target_found_after_a_pause_is_as_certain_as_before(name, pause, seed):
-    """What is forecast over it is wide; but the target has been seen since."""
+    """Once it's found, its standard deviation is less than three times that before the pause."""
     path = straight(9 + pause, (2.0, 0.0))
     video = DrawnVideo()
     tracker = create_tracker(name, seed=seed)
@@ -298,7 +298,7 @@ def test_a_target_found_after_a_pause_is_as_certain_as_before(name, pause, seed)
 @pytest.mark.parametrize('name', [
     name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])
 def test_a_place_far_away_leaves_the_covariance_positive(name, seed):
-    """A vast target that's forecast far beyond the image: rounding makes no variance negative."""
+    """For a huge target predicted far outside the image, rounding makes no variance negative."""
     rng = np.random.default_rng(seed)
     frames = [rng.integers(256, size=(30, 40, 3), dtype=np.uint8) for _ in range(5)]
     size = 10**rng.uniform(1, 4, 2)
@@ -311,7 +311,7 @@ def test_a_place_far_away_leaves_the_covariance_positive(name, seed):
 
 @cache
 def crossing():
-    """Return the frames of a target that turns back, is hidden in part and for a while."""
+    """Return frames of a shaking, rotating, growing target that is partly, then fully hidden."""
     video = DrawnVideo(seed=3)
     rng = np.random.default_rng(1)
     frames = []
@@ -338,7 +338,7 @@ def outcomes(name, **changes):
 
 @cache
 def usual_outcomes(name):
-    """Return those of the parameters' defaults."""
+    """Return the outcomes of the parameters' defaults."""
     return list(outcomes(name))
 
 

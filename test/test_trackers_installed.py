@@ -1,4 +1,4 @@
-"""Trackers of other packages: the documentation's example, and some that are wrong."""
+"""Trackers of other packages: the documentation's example, and invalid entry points."""
 
 import asyncio
 import os
@@ -14,7 +14,7 @@ from page_viewer import serving, viewer
 import pytest
 from vtrack_ros.trackers import tracker_names
 
-#: Entry points that are no trackers, and what is said of them.
+#: Invalid entry points, and part of the warning about each.
 WRONG = {
     'broken = no_such_module:Tracker': "No module named 'no_such_module'",
     'other = steady_tracker:SteadyTracker': "NAME is 'steady'",
@@ -25,7 +25,7 @@ WRONG = {
 
 @pytest.fixture(scope='module')
 def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the example as pip installs it, and entry points that are wrong."""
+    """Return a folder with the example as pip installs it, and with invalid entry points."""
     folder = tmp_path_factory.mktemp('site')
     sources = repository / 'docs' / 'examples' / 'steady_tracker'
     shutil.copy(sources / 'steady_tracker.py', folder)
@@ -41,7 +41,7 @@ def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_library_and_command_line(site, repository, tmp_path):
-    """They have the tracker; those that are wrong are named and leave the others be."""
+    """They have the tracker; invalid ones are warned of, and don't affect the others."""
     code = f"""
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.evaluation.cache import source_files
@@ -71,7 +71,7 @@ assert main(['replay', bag, '--tracker', 'steady', '--set', 'share=9']) == 2
 
 
 def test_node_and_page(site):
-    """The node tracks by it; the page of vtrack select offers it, and sets its parameters."""
+    """The node tracks with it; the page of vtrack select offers it, and sets its parameters."""
     scene = Scene()
     prelude = f'sys.path.append({str(site)!r})'
     with NodeProcess(prelude=prelude, tracker='steady') as node, Client().ready() as client:

@@ -14,13 +14,13 @@ from vtrack_ros.trackers import create_tracker, TrackState
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'pf')
 WIDTH, HEIGHT, SIDE = 320, 240, 30
-#: Where the camera looks between jerks, from the middle of the scene, in sides of the target.
+#: Offsets (x, y) of the camera's view from the scene's middle between jerks, in target sides.
 VIEWS = ((0, 0), (3, 0), (0, 0), (-1.8, -2.4), (1, 0.4), (0, 3), (-2, 1), (2, -1), (0, 0))
 
 
 @cache
 def jerked(seed):
-    """Return the frames of a camera that looks elsewhere in every sixth one, and the boxes."""
+    """Return frames, and boxes, of a camera whose view jumps in every sixth frame."""
     rng = np.random.default_rng(seed)
     ground = texture((640, 800), [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)],
                      12, rng)
@@ -41,7 +41,7 @@ def jerked(seed):
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize('name', NAMES)
 def test_a_target_is_found_in_the_frame_after_a_jerk(name, seed):
-    """By up to three sides, further than any window reaches: the picture tells how far."""
+    """The jump, of up to 4.5 sides, is beyond any search window; it's measured by the image."""
     tracker = create_tracker(name, seed=seed)
     for step, (frame, box) in enumerate(jerked(seed)):
         if not step:
@@ -54,7 +54,7 @@ def test_a_target_is_found_in_the_frame_after_a_jerk(name, seed):
 
 @pytest.mark.parametrize('seed, name', list(enumerate(NAMES)))
 def test_a_network_finds_a_target_after_a_jerk(name, seed):
-    """Its boxes are less exact, and its window no wider than the jerk is long."""
+    """The IoU stays above 0.5: boxes are less exact, the window is no wider than the jerk."""
     tracker = create_tracker(name, seed=seed, localiser='siamese', **network_files())
     for step, (frame, box) in enumerate(jerked(seed)):
         if not step:

@@ -1,4 +1,4 @@
-"""Memory of a tracker: what it holds on to, and what a search takes, are small in any frame."""
+"""Memory of a tracker in large frames: what it keeps, and the peak during a search."""
 
 import tracemalloc
 
@@ -11,7 +11,7 @@ from vtrack_ros.trackers import create_tracker, tracker_names, TrackState
 
 @pytest.mark.parametrize('name', tracker_names(replicas=False))
 def test_memory_stays_small_at_full_hd(name):
-    """All that a tracker holds on to after frames of 1920 x 1080: less than 50 MB."""
+    """After frames of 1920 x 1080 a tracker keeps less than 50 MB."""
     rng = np.random.default_rng(0)
     frames = [rng.integers(256, size=(1080, 1920, 3), dtype=np.uint8) for _ in range(3)]
     box = Box(700, 300, 400, 300)
@@ -32,7 +32,7 @@ def test_memory_stays_small_at_full_hd(name):
 @pytest.mark.parametrize('name', ['gmpf', 'dcf'])
 @pytest.mark.parametrize('side', [16, 1000])
 def test_a_target_that_is_gone_takes_little_of_a_large_frame(name, side):
-    """Of 3840 x 2160 pixels no update holds as much memory as half of them have in grey."""
+    """At 3840 x 2160 the peak of each update is below half a byte per pixel."""
     noise = np.random.default_rng(0).integers(256, size=(2160, 3840), dtype=np.uint8)
     first, *others = (np.stack([grey] * 3, axis=-1)
                       for grey in (noise, noise[::-1], noise[:, ::-1]))

@@ -1,4 +1,4 @@
-"""A target that comes near, or goes away: its box stays the target's."""
+"""A target that comes nearer or goes away: its box follows the size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vtrack_ros.trackers import create_tracker, TrackState
 
 @cache
 def approach():
-    """Return frames and boxes of a target that grows from 18 to 180 px, with what is about it."""
+    """Return frames and boxes of a target that grows from 18 to 180 px, with its surroundings."""
     rng = np.random.default_rng(3)
     ground = texture(
         (960, 1280), [(90, 110, 90), (130, 130, 120), (110, 90, 80), (140, 150, 150)], 40, rng)
@@ -39,7 +39,7 @@ def approach():
 @pytest.mark.parametrize('name', ['dcf', 'gmpf', 'pqkpf', 'abmspf', 'appf', 'pf'])
 @pytest.mark.parametrize('backwards', [False, True], ids=['nearer', 'farther'])
 def test_a_target_may_come_ten_times_as_near(name, backwards):
-    """Or go ten times as far: its box stays the target's."""
+    """A target that grows or shrinks tenfold is tracked, with an IoU above 0.6."""
     frames, boxes = (each[::-1] if backwards else each for each in approach())
     tracker = create_tracker(name, seed=1)
     tracker.start(frames[0], boxes[0])

@@ -1,4 +1,4 @@
-"""OpenCV's trackers in the same list: a box and found or not, a covariance that isn't known."""
+"""OpenCV's trackers behind the same interface: box and state, but no covariance."""
 
 import cv2
 from drawn_video import box_at, DrawnVideo, START
@@ -32,7 +32,7 @@ def test_they_track(name, files):
 
 @pytest.mark.parametrize('name, files', HERE)
 def test_a_box_at_the_border_is_no_crash(name, files):
-    """Started beyond the border, each runs on, or says that it can't start there."""
+    """Started on a box beyond the border, each runs on, or raises a ValueError with its name."""
     video = DrawnVideo()
     tracker = create_tracker(name, seed=0, **files)
     try:
@@ -45,7 +45,7 @@ def test_a_box_at_the_border_is_no_crash(name, files):
 
 
 def test_one_that_opencv_lacks_is_refused():
-    """In words that say which OpenCV has it; all are known by name."""
+    """The error says which OpenCV it needs; the names of all are listed."""
     lacking = [name for name in tracker_names() if name.startswith('opencv_')
                and not tracker_class(name).available()]
     for name in lacking:

@@ -1,4 +1,4 @@
-"""What holds of every tracker for any image, box, parameters and intervals."""
+"""Properties of every tracker for any image, box, parameters and intervals."""
 
 from hypothesis import given, settings, strategies as st
 import numpy as np
@@ -8,9 +8,9 @@ from siamese_files import network_files
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import create_tracker, tracker_class, tracker_names, TrackState
 
-#: More particles than this take long, and are no other case.
+#: Upper bound of the number of particles: more take long, and test nothing else.
 PARTICLES = 40
-#: An example takes some frames of a tracker.
+#: Fewer examples than by default, for each one runs a tracker on several frames.
 FEW = settings(max_examples=settings.default.max_examples // 20)
 
 
@@ -51,7 +51,7 @@ def boxes(draw, shape):
     """Draw a box with a part inside the image, however much lies beyond it."""
     def side(length):
         size = draw(st.one_of(st.floats(0.1, 2.0 * length), st.floats(1e-3, 1e4)))
-        # A thousandth of a pixel or of the box is inside at least.
+        # A thousandth of a pixel, or half of a smaller box, is inside at least.
         share = min(1e-3, size / 2)
         return draw(st.floats(share - size, length - share)), size
     (x, width), (y, height) = side(shape[1]), side(shape[0])
@@ -78,7 +78,7 @@ def parameters(draw, name):
 
 
 def check(estimate, shape, anywhere):
-    """Check what holds of every estimate; its centre may be `anywhere`, or is inside the image."""
+    """Check an estimate; unless it may be `anywhere`, its centre must be inside the image."""
     assert np.isfinite(estimate.box.as_array()).all()
     x, y = estimate.box.center
     if not anywhere:
@@ -100,8 +100,8 @@ def check(estimate, shape, anywhere):
 @FEW
 @given(data=st.data())
 def test_every_estimate_is_sound(name, data):
-    """Finite, inside the image, with a covariance and a confidence, whatever comes."""
-    # The given box may have its centre elsewhere; the papers bound theirs in no way.
+    """For any input it's finite, inside the image, with a valid covariance and confidence."""
+    # The given box may have its centre outside the image, and so may replicas' boxes.
     replica = name not in tracker_names(replicas=False)
     size = st.integers(1, 64)
     shape = (data.draw(size), data.draw(size), *data.draw(st.sampled_from([(3,), ()])))

@@ -1,4 +1,4 @@
-"""Trackers out of sight of their target: they say so, search, and find it again."""
+"""Occlusion and re-detection: trackers report the loss, search, and find the target again."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vtrack_ros.scenes import render
 from vtrack_ros.trackers import create_tracker, TrackState
 
 NAMES = ('gmpf', 'pqkpf', 'abmspf', 'appf', 'dcf')
-#: Those that localise in their own ways: what localisation does alone is tested with these.
+#: Trackers that localise differently, for tests of what depends on localisation alone.
 FEW = ('dcf', 'appf')
 START, CENTER = (70.0, 110.0), (140.0, 110.0)
 
@@ -40,7 +40,7 @@ def walk_behind_a_wall(colour):
 
 @pytest.mark.parametrize('name, colour', [*((name, True) for name in NAMES), ('dcf', False)])
 def test_a_target_hidden_for_twenty_frames_is_found_again(name, colour):
-    """A wall hides the target; the tracker says that it searches, and has it 15 frames after."""
+    """Behind a wall it's mostly not said to be tracked; within 15 frames after it's found."""
     frames, centers = walk_behind_a_wall(colour)
     tracker = create_tracker(name, seed=1)
     tracker.start(frames[0], box_at(START))
@@ -80,7 +80,7 @@ def test_a_target_that_stays_away_is_lost(name):
     assert states[45:].count(TrackState.LOST) > 7
     assert (np.mean([estimate.confidence for estimate in after[20:]])
             < 0.5 * np.mean([estimate.confidence for estimate in before]))
-    # nobody knows where it is: that's worth half a side at least, however small the box became
+    # an unknown place has a standard deviation of half a side at least, however small the box
     spreads = np.sqrt([estimate.covariance[[0, 1], [0, 1]] for estimate in after[5:]])
     assert spreads.min() > 0.5 * np.sqrt(TARGET[0] * TARGET[1])
     assert spreads.min() > 3 * np.sqrt(before[-1].covariance[0, 0])
@@ -88,7 +88,7 @@ def test_a_target_that_stays_away_is_lost(name):
 
 @pytest.mark.parametrize('name', FEW)
 def test_lost_is_a_matter_of_time_not_of_images(name):
-    """With every fifth frame alone it takes a fifth of the updates."""
+    """With only every fifth frame, and dt = 5, LOST comes after a fifth of the updates."""
     video, center, tracker = standing(name)
     for _ in range(4):
         tracker.update(video.frame(center), 5.0)
@@ -99,7 +99,7 @@ def test_lost_is_a_matter_of_time_not_of_images(name):
 
 @pytest.mark.parametrize('name', ('gmpf', 'pf', 'abmspf', *FEW))
 def test_a_target_that_comes_back_elsewhere_is_found(name):
-    """Away for thirty frames, back two hundred pixels from where it was."""
+    """After 30 frames a target that is back 200 px from its last place is found and tracked."""
     video = DrawnVideo(seed=4, blob=60)
     tracker = create_tracker(name, seed=1)
     here, there = (60.0, 60.0), (250.0, 180.0)
@@ -111,9 +111,9 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
         if estimate.box.iou(box_at(there)) > 0.5:
             break
     assert estimate.box.iou(box_at(there)) > 0.5
-    if estimate.measured:  # the way to it is no uncertainty of the place
+    if estimate.measured:  # the distance of the jump isn't in the covariance
         assert np.sqrt(estimate.covariance[0, 0]) < 0.5 * TARGET[0]
-    if estimate.particles is not None:  # nor are they left behind
+    if estimate.particles is not None:  # the particles have moved, too
         away = estimate.particles[:, :2].mean(axis=0) - estimate.box.center
         assert np.abs(away).max() < 0.5 * min(TARGET)
     for _ in range(5):
@@ -124,7 +124,7 @@ def test_a_target_that_comes_back_elsewhere_is_found(name):
 @pytest.mark.parametrize('offset', [(1.8, -1.2), (-2.2, 0.5), (0.3, 2.0)])
 @pytest.mark.parametrize('name', ['dcf', 'gmpf'])
 def test_a_target_that_was_hidden_for_a_second_is_found_at_once(name, offset):
-    """Two of its sides from where it was: there is where it's searched, within two frames."""
+    """After 30 frames, two sides from its last place, it's found within two frames."""
     for seed in range(4):
         video, tracker = DrawnVideo(seed=seed), create_tracker(name, seed=seed)
         place = tuple(at + shift * side for at, shift, side in zip(CENTER, offset, TARGET))
@@ -136,7 +136,7 @@ def test_a_target_that_was_hidden_for_a_second_is_found_at_once(name, offset):
 
 @pytest.mark.parametrize('name', ('gmpf', 'pf', 'pqkpf', 'abmspf', 'dcf'))
 def test_a_look_alike_is_left_when_the_target_comes_back(name):
-    """It was taken for the target while that was hidden, and has its colours and much of it."""
+    """A distractor, 70 % alike, was tracked while the target was hidden; the target is next."""
     video, here, there = DrawnVideo(seed=4, blob=60), (80.0, 80.0), (250.0, 180.0)
     alike = look_alike(video, there, 0.7)
 
@@ -157,9 +157,9 @@ def test_a_look_alike_is_left_when_the_target_comes_back(name):
 
 def test_a_target_that_left_is_seldom_taken_for_another(repository):
     """
-    Of the frames without it, among other walkers, less than a quarter are called tracking.
+    Of the frames without it, among other walkers, less than a quarter are in state TRACKING.
 
-    If it was followed from the first frame: a shorter acquaintance is worth less.
+    That holds if it's tracked from the first frame on; known for a shorter time, it's less sure.
     """
     with BagReader(repository / 'bags' / 'leave_and_return') as bag:
         truth = bag.truth()
@@ -181,7 +181,7 @@ def test_a_target_that_left_is_seldom_taken_for_another(repository):
     ('face_fast', 'full_occlusion'), ('light_step', 'distractor_cross'),
     ('light_change', 'full_occlusion')])
 def test_what_is_followed_after_a_cut_is_not_said_to_be_the_target(target, other, name):
-    """A little like it, and learned since: seconds later it answers as sharply as the target."""
+    """It's in under 5 % of the frames, though what was learned since gives as sharp a peak."""
     before, after = render(target, (320, 240), 30), render(other, (320, 240), 250)
     tracker, first = create_tracker(name, seed=0), next(before)
     tracker.start(first.frame, first.truth)
@@ -210,7 +210,7 @@ def test_starting_again_forgets_the_old_target(name):
 @pytest.mark.parametrize('noise', [0.0, 3.0])
 @pytest.mark.parametrize('name', NAMES)
 def test_a_featureless_target_is_not_said_to_be_tracked(name, noise):
-    """Where there's nothing to recognise, in a blank wall, the tracker says so at once."""
+    """In uniform frames, with or without noise, the state is soon SEARCHING, not TRACKING."""
     rng = np.random.default_rng(5)
     tracker = create_tracker(name, seed=0)
     estimates = []
@@ -226,7 +226,7 @@ def test_a_featureless_target_is_not_said_to_be_tracked(name, noise):
 
 @pytest.mark.parametrize('name', ['dcf', 'gmpf', 'pqkpf', 'abmspf', 'pf'])
 def test_a_target_that_darts_off_in_the_second_frame_is_found(name):
-    """Beyond the window: what's there now isn't what is usual of the target."""
+    """The response after a jump beyond the window isn't taken as usual: found in 5 films of 6."""
     path = [START, (START[0] + 80.0, START[1] + 70.0)]
     found = 0
     for seed in range(6):
