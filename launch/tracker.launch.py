@@ -18,23 +18,23 @@ from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
 ARGUMENTS = {
-    'tracker': ('', 'the tracker; empty: as params_file says, or gmpf'),
+    'tracker': ('', 'name of the tracker; empty: as params_file says, or gmpf'),
     'image': ('', 'topic of the images, or of the compressed ones; empty: image, or '
                   'image/compressed'),
     'camera_info': ('', 'topic of the calibration; empty: camera_info'),
     'image_transport': ('', 'raw or compressed; empty: as params_file says, or raw'),
-    'init_box': ('', 'the target on the first frame: "[x, y, width, height]" in pixels; empty: '
-                     'wait for a selection'),
+    'init_box': ('', 'box of the target in the first image: "[x, y, width, height]" in pixels; '
+                     'empty: wait for a selection'),
     'params_file': ('', 'YAML file with parameters, such as those in share/vtrack_ros/config'),
     'namespace': ('', 'namespace of the node and its topics'),
     'name': ('tracker', 'name of the node'),
     'managed': ('false', 'true: a lifecycle node, to be configured and activated'),
     'use_sim_time': ('', 'true: the time of /clock, as with ros2 bag play --clock; empty: as '
                          'params_file says, or false'),
-    'state_file': ('', 'file in which the target outlives the node; empty: as params_file says, '
-                       'or none'),
-    'respawn': ('false', 'true: start the node again, a second after it ended by itself'),
-    'fastdds_profile': ('true', 'true: shared memory that holds images (config/fastdds.xml)'),
+    'state_file': ('', 'file in which the target is saved, so that a restarted node continues '
+                       'with it; empty: as params_file says, or none'),
+    'respawn': ('false', 'true: restart the node a second after it has ended by itself'),
+    'fastdds_profile': ('true', 'true: enough shared memory for images (config/fastdds.xml)'),
     'log_level': ('info', 'debug, info, warn or error'),
 }
 

@@ -63,6 +63,11 @@ class Page:
             await self.ask('Input.dispatchMouseEvent', type=kind, x=x, y=y, button='left',
                            buttons=1, clickCount=1)
 
+    async def key(self, text: str) -> None:
+        """Press and release the key that types a character."""
+        for kind in ('keyDown', 'keyUp'):
+            await self.ask('Input.dispatchKeyEvent', type=kind, key=text, text=text)
+
     async def phone(self) -> None:
         """Emulate a phone's screen and touch input from now on."""
         await self.ask('Emulation.setDeviceMetricsOverride', width=390, height=844,

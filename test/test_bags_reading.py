@@ -206,7 +206,7 @@ def test_two_image_topics(tmp_path):
         assert len(read_all(path, name)[0]) == COUNT
     with pytest.raises(BagError, match='no topic /middle.*/left'):
         read_all(path, 'middle')
-    with pytest.raises(BagError, match='/truth holds vision_msgs'):
+    with pytest.raises(BagError, match='/truth contains vision_msgs'):
         read_all(path, '/truth')
 
 

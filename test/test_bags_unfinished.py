@@ -39,12 +39,12 @@ def check(path, whole):
     if whole:
         found, notice = read(path)
         assert found == whole
-        told = re.fullmatch(f'{path} has no .*, as if its recorder had died; whole messages in '
-                            r'it: (\d+)', notice)
+        told = re.fullmatch(f'{path} has no .* \\(an unfinished recording\\); complete '
+                            r'messages: (\d+)', notice)
         # ROS 1 bags here have messages of an unknown type as well.
         assert int(told[1]) == len(whole) or path.suffix in ('.bag', '.active')
     else:
-        with pytest.raises(BagError, match='no whole message|broken') as caught:
+        with pytest.raises(BagError, match='no complete message|broken') as caught:
             read(path)
         assert str(path) in str(caught.value)
 
@@ -120,12 +120,12 @@ def test_cut_bag_of_our_own(tmp_path, storage_compression):
         try:
             found, notice = read(path)
         except BagError as error:
-            assert 'no whole message' in str(error)
+            assert 'no complete message' in str(error)
             found = []
         assert found == whole[:len(found)]
         counts.append(len(found))
     assert counts == sorted(counts) and counts[-1] == len(whole) > counts[2] > 0
-    assert f'no metadata.yaml, as if its recorder had died; whole messages in it: {2 * COUNT}' in (
+    assert f'no metadata.yaml (an unfinished recording); complete messages: {2 * COUNT}' in (
         notice)
     images, truth = read_all(path)
     assert all(np.array_equal(image.frame, frame) for image, frame in zip(images, sent))
@@ -221,7 +221,7 @@ def test_folder_without_metadata(tmp_path, storage):
         assert {name: topic.count for name, topic in bag.topics.items()} == {'/image': COUNT}
         assert bag.duration == pytest.approx((COUNT - 1) * STEP / 1e9)
         assert bag.rate('/image') == pytest.approx(1e9 / STEP)
-        assert bag.notice.endswith(f'whole messages in it: {COUNT}')
+        assert bag.notice.endswith(f'complete messages: {COUNT}')
         images = list(bag.frames())
     assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
     assert len(images) == COUNT
@@ -235,7 +235,7 @@ def test_last_file_that_is_none(tmp_path, storage, content):
     files[2].write_bytes(content)
     messages, notice = read(tmp_path / 'bag')
     assert messages == found[0] + found[1]
-    assert notice.endswith(f'whole messages in it: 8, and none in bag_10{SUFFIX[storage]}')
+    assert notice.endswith(f'complete messages: 8, none of them in bag_10{SUFFIX[storage]}')
     files[0].write_bytes(content)
     with pytest.raises(BagError, match=f'broken.*bag_0{SUFFIX[storage]}'):
         read(tmp_path / 'bag')
@@ -249,12 +249,12 @@ def test_last_file_without_an_end(tmp_path):
         files[2].write_bytes(data[:cut])
         messages, notice = read(tmp_path / 'bag')
         assert messages == found[0] + found[1] + [message for message, _ in sent[:count]]
-        assert notice.endswith(f'whole messages in it: {8 + count}')
+        assert notice.endswith(f'complete messages: {8 + count}')
 
 
 @pytest.mark.parametrize('mode, words', [
-    ('FILE', 'unpack each, as by `zstd -d bag_0.mcap.zstd -o bag_0.mcap`'),
-    ('MESSAGE', 'compressed, message by message')])
+    ('FILE', 'decompress each, as with `zstd -d bag_0.mcap.zstd -o bag_0.mcap`'),
+    ('MESSAGE', 'compressed message by message')])
 def test_compressed_without_metadata(tmp_path, mode, words):
     """The error says so, and how to unpack compressed files: only the metadata have the format."""
     split_bag(tmp_path / 'bag', mode=CompressionMode[mode])
@@ -345,5 +345,5 @@ def test_one_warning(tmp_path, repository, capsys, command):
         pytest.importorskip('rclpy', reason='needs rclpy')
     assert main(words) == 0
     told = [line for line in capsys.readouterr().err.splitlines() if 'warning' in line]
-    assert told == [f'vtrack {command}: warning: {path} has no metadata.yaml, as if its recorder '
-                    'had died; whole messages in it: 20']
+    assert told == [f'vtrack {command}: warning: {path} has no metadata.yaml (an unfinished '
+                    'recording); complete messages: 20']

@@ -99,13 +99,13 @@ def test_the_node_needs_none_of_the_tools():
     (['synth', 'face_slow', '--out', 'x'], 'face_fast, football'),
     (['synth', 'face_fast', '--out', 'x', '--size', '640'], '640x480'),
     (['synth', 'face_fast', '--out', 'x', '--size', '9999x9999'], '1920x1080'),
-    (['synth', 'face_fast', '--out', 'x', '--frames', '0'], 'from 1 on'),
-    (['synth', 'face_fast', '--out', 'x', '--rate', 'nan'], 'above 0'),
+    (['synth', 'face_fast', '--out', 'x', '--frames', '0'], 'at least 1'),
+    (['synth', 'face_fast', '--out', 'x', '--rate', 'nan'], 'a positive number'),
     (['synth', 'face_fast', '--out', 'x', '--seed', '-1'], 'from 0'),
     (['synth', 'face_fast', '--out', 'x', '--format', 'zip'], 'mcap'),
     (['synth', 'face_fast', '--out', 'x', '--colour', 'red'], '--colour'),
     (['synth', 'face_fast', '--out', 'x', '--topic', '/bad topic'], "'/bad topic'"),
-    (['synth', 'face_fast', '--out', 'x', '--topic', ''], 'name for a topic'),
+    (['synth', 'face_fast', '--out', 'x', '--topic', ''], 'valid topic name'),
     (['synth', 'face_fast', '--out', 'x', '--topic', 'left/', '--compress', 'png'], "'left/'"),
     (['import', 'pictures'], '--out'),
     (['import', 'no/such/folder', '--out', 'x'], 'does not exist'),
@@ -149,7 +149,7 @@ def test_import_to_no_topic(tmp_path, capsys):
     cv2 = pytest.importorskip('cv2')
     cv2.imwrite(str(tmp_path / '1.png'), np.zeros((4, 4, 3), np.uint8))
     arguments = ['import', tmp_path, '--out', tmp_path / 'bag', '--topic', '1st']
-    assert "'1st' is not a name" in complaint(arguments, capsys)
+    assert "'1st' is not a valid topic name" in complaint(arguments, capsys)
     assert not (tmp_path / 'bag').exists()
 
 
@@ -299,7 +299,7 @@ def test_import_then_replay(tmp_path, capsys):
     (folder / 'groundtruth_rect.txt').write_text('\n'.join(rows))
     bag, out = tmp_path / 'bag', tmp_path / 'out'
     assert main(['import', str(folder), '--out', str(bag), '--rate', '10']) == 0
-    assert '8 frames at 10 Hz, with truth' in capsys.readouterr().out
+    assert '8 frames at 10 Hz, with ground truth' in capsys.readouterr().out
     assert main(['replay', str(bag), '--tracker', 'pf', '--out', str(out)]) == 0
     assert 'mean IoU' in capsys.readouterr().out
     assert {path.name for path in out.iterdir()} == {

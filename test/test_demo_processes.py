@@ -45,7 +45,7 @@ def test_who_does_not_listen_is_killed_and_named(child, capsys, monkeypatch):
     deaf = child('signal.signal(signal.SIGTERM, signal.SIG_IGN)\n')
     end_all([deaf])
     assert not deaf.running
-    assert 'the worker did not end when told to, and was killed' in capsys.readouterr().err
+    assert 'the worker did not end on request, and was killed' in capsys.readouterr().err
 
 
 def test_a_failure_is_said_once(child, capsys):

@@ -61,7 +61,7 @@ def test_without_ros(monkeypatch, capsys):
     assert 'Python' in starting(found, 'ok    vtrack_ros')
     assert 'gmpf' in starting(found, 'ok    trackers')
     assert 'no vtrack select' in starting(found, 'note  aiohttp')
-    assert 'needs rclpy' in starting(found, 'note  without ROS') and 'scripts/setup' in found[-1]
+    assert 'needs rclpy' in starting(found, 'note  no ROS') and 'scripts/setup' in found[-1]
 
 
 @pytest.mark.parametrize('value, words', [
@@ -75,7 +75,7 @@ def test_profile(monkeypatch, capsys, value, words):
     code, found = lines(capsys, '--seconds', '0')
     assert code == int(words.startswith('wrong'))
     assert starting(found, words)
-    assert starting(found, 'note  nobody publishes images')
+    assert starting(found, 'note  no node publishes images')
 
 
 def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
@@ -96,7 +96,7 @@ def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
         assert 64 * 2**20 <= abandoned_memory(tmp_path) < 70 * 2**20
         _, found = lines(capsys, '--seconds', '0')
         text = next(line for line in found if 'of shared memory are free' in line)
-        assert 'MiB are left of processes that were killed' in text
+        assert 'MiB are still held for processes that were killed' in text
         assert any('fastdds shm clean' in line for line in found)
     finally:
         camera.kill()
@@ -108,7 +108,7 @@ def test_middleware_that_is_not_there(monkeypatch, capsys):
     """It's named, with a remedy, where ROS alone would end the process."""
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_nothing_cpp')
     code, found = lines(capsys)
-    assert code == 1 and starting(found, 'wrong the middleware rmw_nothing_cpp')
+    assert code == 1 and starting(found, 'wrong RMW_IMPLEMENTATION is set to rmw_nothing_cpp')
     assert 'ros-jazzy-rmw-nothing-cpp' in found[-1] and 'unset RMW_IMPLEMENTATION' in found[-1]
 
 
@@ -134,8 +134,8 @@ def test_topics(capsys):
     assert code == 1
     line = starting(found, 'ok    /camera/image_raw: best effort, from /client to /client; 160 x')
     assert line.endswith('lost')
-    assert '/client gets nothing from /client' in starting(found, 'wrong /camera/image_raw')
-    assert 'no image came' in starting(found, 'wrong /silent')
+    assert '/client receives nothing from /client' in starting(found, 'wrong /camera/image_raw')
+    assert 'no image was received' in starting(found, 'wrong /silent')
     # A tracker's debug image, for viewers, is no camera.
     assert not any('debug_image' in line for line in found)
 
@@ -153,5 +153,5 @@ def test_lost_images(capsys):
         camera.wait()
     assert code == 1
     line = starting(found, 'wrong /camera/image_raw')
-    assert 'lost on the way' in line or 'no image came' in line
+    assert 'lost in transit' in line or 'no image was received' in line
     assert 'fastdds.xml' in found[found.index(line) + 1]

@@ -40,12 +40,12 @@ def test_command_skips_what_is_broken(two_sequences, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [
-    ([], 'nothing to evaluate on'),
+    ([], 'no sequences given'),
     (['--sequences', 'nowhere'], 'no such folder'),
     (['--bags', 'nowhere'], 'no such bag'),
     (['--scenes', 'nowhere'], 'unknown scene'),
     (['--sequences', '.', '--trackers', 'nobody'], 'unknown tracker'),
-    (['--sequences', '.', '--seeds', '0'], 'whole number'),
+    (['--sequences', '.', '--seeds', '0'], 'an integer'),
     (['--sequences', '.', '--json', 'nowhere/a.json'], 'no folder'),
 ])
 def test_wrong_arguments(arguments, message, capsys):

@@ -55,7 +55,7 @@ def test_page_is_whole_and_refers_to_nothing(tmp_path):
     assert set(re.findall(r'url\(.', text)) <= {'url(#'}
     assert '@import' not in text and 'script' not in page.tags
     for words in ('Success and precision', 'AUC by sequence', 'centre error [px]', 'overlap',
-                  'Where is it?', '<title>Some &amp; &lt;such&gt;, pf: ', '<title>gmpf</title>'):
+                  'Computing time', '<title>Some &amp; &lt;such&gt;, pf: ', '<title>gmpf</title>'):
         assert words in text
     assert '1 target, 2 trackers, seeds 0, 1;' in text
     assert 'Torn: no images' in text

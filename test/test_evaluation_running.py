@@ -148,7 +148,7 @@ def test_specifications():
 
 
 @pytest.mark.parametrize(('text', 'message'), [
-    ('', 'no tracker is named; valid are .*gmpf'),
+    ('', 'no tracker is given; valid are .*gmpf'),
     ('nobody', "unknown tracker 'nobody'; valid are .*gmpf"),
     ('pf:size=3', "unknown parameter of pf: 'size'; valid are .*particles"),
     ('pf:particles=many', 'particles must be an integer from'),

@@ -179,7 +179,7 @@ def test_plain_is_the_original(square):
     ('rain', 1, "unknown kind of stress 'rain'; valid are all, rate, gaps"),
     ('particles', 20, 'particles is a parameter of the trackers'),
     ('shake', 0, 'the severity of shake must be positive, not 0'),
-    ('gaps', 25, 'of 25 frames fewer have to be missing, not 25'),
+    ('gaps', 25, 'the severity of gaps must be below 25 frames, not 25'),
 ])
 def test_wrong_stress(square, kind, severity, message):
     """The error says what is wrong, and what is valid."""

@@ -27,7 +27,7 @@ def test_command(square, tmp_path, capsys):
     assert main([*words, '--html', str(tmp_path / 'a.html')]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ['AUC', 'under', 'stress', 'pf', 'dcf'] in lines
-    assert ['other', 'than', 'dcf', 'pf'] in lines
+    assert ['differs', 'from', 'dcf', 'pf'] in lines
     names = [' '.join(line[:2]) for line in lines]
     assert {'rate 2', 'rate 5', 'shake 0.3', 'shake 1', 'particles 10'} <= set(names)
     content = json.loads((tmp_path / 'a.json').read_text())
@@ -40,7 +40,7 @@ def test_command(square, tmp_path, capsys):
     assert content['stress']['mean_auc']['pf'] == pytest.approx(mean)
     assert content['stress']['sequences']['Square (rate 5)']['pf'] > 0
     page = (tmp_path / 'a.html').read_text()
-    for word in ('Under stress', 'every n-th frame', 'up to [sides]', 'Where the filter'):
+    for word in ('Under stress', 'every n-th frame', 'up to [sides]', 'Frames in which'):
         assert word in page
 
     assert main(words) == 0

@@ -250,9 +250,9 @@ def broken(kind: str, folder: Path, files: dict[str, str]) -> str:
 
 
 @pytest.mark.parametrize('kind, words', [
-    ('missing', 'is no file'), ('missing' * 50, 'is no file'), ('truncated', "can't read"),
-    ('other', r'expected \(1, 48, 8, 8\) of \(1, 3, 127, 127\), not \(1, 96, 8, 8\)'),
-    ('head', r'expected \(1, 48, 8, 8\) of \(1, 3, 127, 127\)')])
+    ('missing', 'is not a file'), ('missing' * 50, 'is not a file'), ('truncated', "can't read"),
+    ('other', r'expected \(1, 48, 8, 8\) from \(1, 3, 127, 127\), not \(1, 96, 8, 8\)'),
+    ('head', r'expected \(1, 48, 8, 8\) from \(1, 3, 127, 127\)')])
 def test_a_wrong_file_is_refused(kind, words, tmp_path, files, siamese):
     """It's refused when it's set, with the shapes that are expected; the target is kept."""
     session = TrackingSession('gmpf')

@@ -238,7 +238,7 @@ def test_calibrations(talk):
         talk.publishers['camera_info'].publish(message)
         units_become('pixels')
     talk.process.wait_for_log('not calibrated', since)
-    talk.process.wait_for_log('camera_info is for 640 x 480', since)
+    talk.process.wait_for_log('camera_info is not used: it is for 640 x 480', since)
 
 
 @pytest.mark.parametrize('name, value, words', PARAMETERS)

@@ -147,7 +147,7 @@ def test_stamps_that_go_backwards_forget_a_selected_target(client, process):
     assert send(client, SCENE.frame(5)).detections
     client.index, since = 0, len(process.log)
     assert not send(client, SCENE.frame(0)).detections
-    process.wait_for_log('the target is forgotten, point it out again', since)
+    process.wait_for_log('the target is forgotten, select it again', since)
     assert client.change(init_box=SCENE.box(0).as_array().tolist())[0].successful
     assert send(client, SCENE.frame(1)).detections
 

@@ -44,11 +44,11 @@ def test_from_unconfigured_to_finalized():
         client.until(lambda: 'inactive' in [
             one.message for one in client.heard['~/state'][heard:]], 'inactive without a word')
         client.until(lambda: not client.images.get_subscription_count(), 'still takes images')
-        assert 'the target is init_box' in process.log
+        assert 'tracking starts on init_box' in process.log
         said = len(process.log)
         assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
         client.until(lambda: client.images.get_subscription_count(), 'takes no images')
-        process.wait_for_log('the target of before is kept', said)
+        process.wait_for_log('tracking of the target continues', said)
         # Images that were sent while it was inactive don't count as missing.
         answer = client.send(SCENE.frame(5), 10**9 + 20 * STEP)
         assert overlap(answer, SCENE.box(5)) > 0.4

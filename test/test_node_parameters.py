@@ -161,7 +161,7 @@ def test_another_localiser_keeps_the_target(talk):
     _, client = talk
     refused = client.change(gmpf__localiser='siamese', gmpf__siamese__head='/nowhere.onnx')
     assert not any(result.successful for result in refused)
-    assert 'siamese.backbone' in refused[0].reason and 'is no file' in refused[1].reason
+    assert 'siamese.backbone' in refused[0].reason and 'is not a file' in refused[1].reason
     files = {f'gmpf__{name}'.replace('.', '__'): path for name, path in network_files().items()}
     assert client.set_atomically(gmpf__localiser='siamese', **files).successful
     assert tracks_on(talk, 2)
@@ -214,8 +214,8 @@ def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
     arguments = ['--params-file', str(path)] if by_file else ['-p', 'init_box:=[]']
     with NodeProcess('-r', '__ns:=/empty', *arguments) as process, (
             Client('/empty/tracker')) as client:
-        process.wait_for_log('point out the target while they come, in the browser by vtrack '
-                             'select /empty/tracker or on /empty/tracker/init_roi')
+        process.wait_for_log('select the target while images arrive: in the browser (vtrack '
+                             'select /empty/tracker), on /empty/tracker/init_roi')
         client.ready()
         assert list(client.get('init_box')[0]) == []
         assert client.change(init_box=[10.0, 10.0, 30.0, 30.0])[0].successful

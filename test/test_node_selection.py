@@ -289,13 +289,13 @@ def test_larger_and_smaller(client, process):
     areas = []
     for name in ('~/larger', '~/larger', '~/smaller'):
         answer = client.ask(name, Trigger)
-        assert answer.success and 'started again' in answer.message
+        assert answer.success and 'restarted on' in answer.message
         bbox = play(client)[-1][0].detections[0].bbox
         areas.append(bbox.size_x * bbox.size_y)
     assert box.area < areas[0] < areas[1] > areas[2]
     for _ in range(30):
         answer = client.ask('~/larger', Trigger)
-    assert not answer.success and 'the box is kept: no extent' in answer.message
+    assert not answer.success and 'the box is unchanged: found no box' in answer.message
 
 
 def said(client, since=0):

@@ -54,7 +54,7 @@ def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
         client.ready()
         answers = [client.send(scene.frame(i), START + STEP * i)
                    for i in range(index, index + 10)]
-        process.wait_for_log('gmpf goes on with the target that was at')
+        process.wait_for_log('gmpf continues with the target at')
         assert overlap(answers[-1], scene.box(index + 9)) > 0.5
         assert answers[-1].detections[0].id == first.detections[0].id
         assert client.state_after(answers[-1])['state'] == 'tracking'
@@ -111,9 +111,9 @@ def test_what_cannot_be_used_is_refused_once(tmp_path, scene):
             Client()) as client:
         client.ready()
         answer = client.send(other.frame(0), START + 10**9 * 60)
-        process.wait_for_log('is not used: its image is 160 x 120 x 3, but the one that came '
-                             'is 200 x 100 x 3')
+        process.wait_for_log('is not used: its image is 160 x 120 x 3, but the received '
+                             'image is 200 x 100 x 3')
         assert overlap(answer, other.box(0)) > 0.9
     with NodeProcess(state_file=foreign) as process:
-        process.wait_for_log('left alone; the target is not saved')
+        process.wait_for_log('left unchanged; the target will not be saved')
     assert foreign.read_text() == 'tracker: gmpf\n'

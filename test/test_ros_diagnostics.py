@@ -176,7 +176,7 @@ def test_a_pause_is_no_loss():
 def test_silence():
     """Without images the warning is: no publisher, no image yet, or no image for some time."""
     flow = FrameFlow()
-    assert judge(flow, 5, publishers=0)[:2] == (1, 'nobody publishes /image')
+    assert judge(flow, 5, publishers=0)[:2] == (1, 'no node publishes /image')
     assert judge(flow, 6)[:2] == (1, 'no image on /image yet')
     feed(flow, range(3))
     judge(flow, 3 * STEP)

@@ -84,7 +84,7 @@ def test_in_a_browser(tmp_path):
             assert Box(*await page.value('header.box')).iou(box) > 0.4
             area = Box(*await page.value('header.box')).area
             await page.key('+')
-            await page.until("$('told').textContent.startsWith('started again on')")
+            await page.until("$('told').textContent.startsWith('restarted on')")
             await page.until(f'header.box && header.box[2] * header.box[3] > 1.2 * {area}')
             await page.value("$('smaller').click()")
             await page.until(f'header.box && header.box[2] * header.box[3] < 1.2 * {area}')

@@ -18,7 +18,7 @@ from vtrack_ros.trackers import tracker_names
 WRONG = {
     'broken = no_such_module:Tracker': "No module named 'no_such_module'",
     'other = steady_tracker:SteadyTracker': "NAME is 'steady'",
-    'base = vtrack_ros.tracker:Tracker': 'no subclass',
+    'base = vtrack_ros.tracker:Tracker': 'not a subclass',
     'gmpf = vtrack_ros.trackers.dcf:CorrelationTracker': "NAME is 'dcf'",
     'dcf = vtrack_ros.trackers.dcf:CorrelationTracker': 'not that of another'}
 
@@ -95,4 +95,4 @@ def test_node_and_page(site):
                 await seen.told('tracker is steady')
         with serving() as address:
             asyncio.run(choose(address))
-        assert "tracker 'broken' of no_such_module:Tracker is left out" in node.log
+        assert "tracker 'broken' of no_such_module:Tracker is ignored" in node.log

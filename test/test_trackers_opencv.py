@@ -62,7 +62,7 @@ def test_networks_need_their_files():
     session.start(DrawnVideo().frame(START), 0, box_at(START))
     with pytest.raises(ValueError, match='opencv_nano needs the files backbone, head'):
         session.change(tracker='opencv_nano')
-    with pytest.raises(ValueError, match=r'opencv_nano\.head: .*is no file'):
+    with pytest.raises(ValueError, match=r'opencv_nano\.head: .*is not a file'):
         session.change(tracker='opencv_nano', parameters={
             'opencv_nano': {**NANO, 'head': '/nowhere.onnx'}})
     assert session.tracker == 'gmpf'

@@ -101,7 +101,7 @@ def reserve_domain() -> socket.socket:
         os.environ['ROS_DOMAIN_ID'] = str(domain)
         os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
         return guard
-    raise RuntimeError('all DDS domains from 1 to 100 are taken by other processes')
+    raise RuntimeError('all DDS domains from 1 to 100 are in use by other processes')
 
 
 def leave(node: Any) -> None:

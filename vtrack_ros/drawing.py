@@ -191,7 +191,7 @@ class Film:
             code = cv2.VideoWriter.fourcc(*'mp4v')
             self._writer = cv2.VideoWriter(str(self.paths[0]), code, self._rate, self._size)
             if not self._writer.isOpened():
-                raise OSError(f'the video {self.paths[0].name} cannot be begun')
+                raise OSError(f'the video {self.paths[0].name} cannot be created')
         if picture.shape[1::-1] != self._size:
             picture = np.asarray(cv2.resize(picture, self._size), np.uint8)
         self._writer.write(picture)

@@ -165,12 +165,12 @@ class Tracker(ABC):
 
         """
         if self._frame_shape is None:
-            raise RuntimeError(f'{self.NAME}: start(frame, box) comes before update(frame)')
+            raise RuntimeError(f'{self.NAME}: call start(frame, box) before update(frame)')
         frame = checked_frame(frame)
         if frame.shape != self._frame_shape:
             raise ValueError(
                 f'frame shape changed from {self._frame_shape} to {frame.shape}: '
-                'start again on a box in the new frame')
+                'call start again with a box in the new frame')
         if not (math.isfinite(dt) and dt > 0):
             raise ValueError(f'dt must be a positive number of frame intervals, not {dt!r}')
         return self._update(frame, float(dt))

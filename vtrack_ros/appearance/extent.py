@@ -111,8 +111,8 @@ def _most_probable(frame: Frame, x: float, y: float, least: float = 0.0,
     inside = np.minimum(center + sizes / 2, (width, height)) - np.maximum(center - sizes / 2, 0)
     possible = (inside.prod(axis=1) >= least) & (inside.prod(axis=1) <= most)
     if not possible.any():
-        raise ValueError(f'no extent of {least:.0f} to {most:.0f} px^2 about ({x:.0f}, {y:.0f}) '
-                         f'in an image of {width} x {height}')
+        raise ValueError(f'found no box of {least:.0f} to {most:.0f} px^2 at ({x:.0f}, {y:.0f}) '
+                         f'in the image of {width} x {height}')
     sizes, scores = sizes[possible], scores[possible]
     probability = np.exp(scores - scores.max())
     shared = np.minimum(sizes[:, None], sizes).prod(axis=2)

@@ -134,7 +134,7 @@ def read_head(path: str) -> cv2.dnn.Net:
 def _read(path: str) -> cv2.dnn.Net:
     # Path.is_file raises an OSError for a name that is too long.
     if not os.path.isfile(path):
-        raise ValueError(f'{path!r} is no file')
+        raise ValueError(f'{path!r} is not a file')
     try:
         return cv2.dnn.readNetFromONNX(path)
     except cv2.error as error:
@@ -145,7 +145,7 @@ def _read(path: str) -> cv2.dnn.Net:
 def _check(path: str, net: cv2.dnn.Net, inputs: Mapping[str, tuple[int, ...]],
            expected: Mapping[str, tuple[int, ...]]) -> None:
     """Raise a ValueError unless inputs of these shapes give outputs of the expected ones."""
-    valid = f'expected {_shapes(expected)} of {_shapes(inputs)}'
+    valid = f'expected {_shapes(expected)} from {_shapes(inputs)}'
     try:
         for name, shape in inputs.items():
             net.setInput(np.zeros(shape, np.float32), name)
@@ -155,9 +155,9 @@ def _check(path: str, net: cv2.dnn.Net, inputs: Mapping[str, tuple[int, ...]],
             shapes = {name: output.shape
                       for name, output in zip(expected, net.forward(list(expected)))}
     except cv2.error as error:
-        raise ValueError(f'{path!r} is another network: {valid}: {_reason(error)}') from None
+        raise ValueError(f'{path!r} is not the right network: {valid}: {_reason(error)}') from None
     if shapes != expected:
-        raise ValueError(f'{path!r} is another network: {valid}, not {_shapes(shapes)}')
+        raise ValueError(f'{path!r} is not the right network: {valid}, not {_shapes(shapes)}')
 
 
 def _shapes(named: Mapping[str, tuple[int, ...]]) -> str:

@@ -52,7 +52,7 @@ class Source:
                                'its truth')
             yield frame, None if self.truth is None else self.truth[count - 1]
         if self.truth is not None and count < len(self.truth):
-            raise BagError(f'{self.path} has {count} frames, but its truth {len(self.truth)} rows')
+            raise BagError(f'{self.path} has {count} frames, but {len(self.truth)} rows of truth')
 
 
 def open_source(path: Path, truth: Path | None = None, without_truth: bool = False) -> Source:
@@ -79,7 +79,7 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
         return Source(path, images, None, rate)
     boxes = tuple(read_ground_truth(truth))
     if images and len(boxes) != len(images):
-        raise BagError(f'{truth} has {len(boxes)} rows, but {path} {len(images)} images; give '
+        raise BagError(f'{truth} has {len(boxes)} rows, but {path} has {len(images)} images; give '
                        'another --truth FILE, or --no-truth')
     return Source(path, images, boxes, rate)
 
@@ -103,7 +103,7 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
                 writer.write_truth(truth, stamp)
             count += 1
         if count == 0:
-            raise BagError('there is no frame to write')
+            raise BagError('there are no frames to write')
     return count
 
 
@@ -115,7 +115,7 @@ def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:
         if frame.shape != size:
             height, width = frame.shape[:2]
             raise BagError(f'{path} is {width} x {height} pixels, but the images before it '
-                           f'{size[1]} x {size[0]}: a target is followed in images of one size')
+                           f'are {size[1]} x {size[0]}: all images must have the same size')
         yield frame
 
 

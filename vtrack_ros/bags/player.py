@@ -176,7 +176,7 @@ class Player:
                     if not self._wait_until_received([message.topic], patience):
                         self._node.get_logger().warning(
                             f'{name}: a subscriber has not received the first image within '
-                            f'{patience:g} s (held up, or killed): playing all the same')
+                            f'{patience:g} s (suspended or killed?): playing anyway')
                     began += time.monotonic() - sent
 
     def _wait_until_received(self, topics: Iterable[str], seconds: float) -> bool:

@@ -89,12 +89,12 @@ class BagReader:
                 raise BagError(f"{self.path} can't be read: {error.strerror or error}") from None
             self._is_ros1 = isinstance(self._readers[0], Ros1Reader)
             count = self._message_count()
-            unfinished = f'has no {missing}, as if its recorder had died'
+            unfinished = f'has no {missing} (an unfinished recording)'
             if not count:
-                raise BagError(f'{self.path} {unfinished}, and no whole message' if missing else
-                               f'{self.path} is empty: it holds no message')
+                raise BagError(f'{self.path} {unfinished}, and no complete message' if missing else
+                               f'{self.path} is empty: it contains no message')
             if missing:
-                self.notice = f'{self.path} {unfinished}; whole messages in it: {count}{left_out}'
+                self.notice = f'{self.path} {unfinished}; complete messages: {count}{left_out}'
             self._opened = opened.pop_all()
         return self
 
@@ -116,7 +116,7 @@ class BagReader:
                     raise
                 if file == files[-1] and self._message_count():
                     # The recorder may have died just after creating the file.
-                    return missing, f', and none in {file.name}'
+                    return missing, f', none of them in {file.name}'
                 raise self._broken(error, '' if file == self.path else f'in {file.name}'
                                    ) from error
             opened.callback(reader.close)
@@ -158,7 +158,7 @@ class BagReader:
         if not images:
             others = ', '.join(
                 f'{topic.name} ({topic.message_type})' for topic in self.topics.values())
-            raise BagError(f'{self.path} has no image topic with messages in it; it has {others}')
+            raise BagError(f'{self.path} has no image topic with messages; it has {others}')
         if name is None:
             if len(images) > 1:
                 raise BagError(f'{self.path} has several image topics: choose one of {listed} '
@@ -169,7 +169,7 @@ class BagReader:
             if topic.name == wanted:
                 return topic
         if wanted in self.topics:
-            raise BagError(f'{self.path}: topic {wanted} holds '
+            raise BagError(f'{self.path}: topic {wanted} contains '
                            f'{self.topics[wanted].message_type}, no images; image topics are '
                            f'{listed}')
         raise BagError(f'{self.path} has no topic {wanted}; image topics are {listed}')
@@ -201,13 +201,13 @@ class BagReader:
                 # The storages may raise anything, and only code of theirs runs here.
                 raise self._broken(error, f'after {count} messages') from error
             if data[:4] == _ZSTD:
-                raise BagError(f'{self.path} is compressed, message by message: it is read as a '
-                               'folder with the metadata.yaml that says so')
+                raise BagError(f'{self.path} is compressed message by message: give the folder '
+                               'of the bag, with its metadata.yaml, instead of this file')
             count += 1
             yield RawMessage(absolute(connection.topic), connection.msgtype, received, data)
         if count < promised:
             raise BagError(f'{self.path} is truncated: {promised} messages were recorded, but '
-                           f'only {count} are there')
+                           f'only {count} are present')
 
     def frames(self, topic: str | None = None,
                malformed: list[str] | None = None) -> Iterator[StampedFrame]:

@@ -66,5 +66,5 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
         yield Step(image, estimate, taken, first is not None, session.motion())
         waiting = waiting and first is None
     if waiting and flow.received:
-        raise BagError('nothing says where the target is: the bag has no true box for any image; '
-                       'give --init X,Y,WIDTH,HEIGHT')
+        raise BagError('none of the images has a ground-truth box: give the target with '
+                       '--init X,Y,WIDTH,HEIGHT')

@@ -92,7 +92,7 @@ class ResultFolder:
         bag, table = self._path / _BAG, self._path / _TABLE
         target, read = bag.resolve(), self._source.resolve()
         if target.is_relative_to(read) or read.is_relative_to(target):
-            raise BagError(f'{bag} is, holds or lies in the bag that is read: give another folder')
+            raise BagError(f'{bag} overlaps with the bag that is read: give another folder')
         if self._path.exists() and not self._path.is_dir():
             raise BagError(f"can't write results into {self._path}: it's a file, not a folder")
         present = [self._path / name for name in _FILES if os.path.lexists(self._path / name)]

@@ -25,13 +25,13 @@ def storage_files(path: Path) -> list[Path]:
     if not path.exists():
         raise BagError(f'{path} does not exist')
     if path.suffix == '.zstd':
-        raise BagError(f'{path} is compressed: read the folder that it belongs to, whose '
-                       'metadata.yaml says how')
+        raise BagError(f'{path} is compressed: give the folder of the bag, with its '
+                       'metadata.yaml, instead of this file')
     if not path.name.endswith(('.mcap', '.db3', '.bag', '.bag.active')):
         raise BagError(f'{path} is not a bag: it must be a rosbag2 folder or a .mcap, .db3 or '
                        '.bag file')
     if path.stat().st_size == 0:
-        raise BagError(f'{path} is empty: it has no byte')
+        raise BagError(f'{path} is empty: it has 0 bytes')
     return [path]
 
 
@@ -67,12 +67,12 @@ def _files_in(folder: Path) -> list[Path]:
     if packed:
         # `ros2 bag reindex` finds no compressed files (ros2/rosbag2, issue 990).
         raise BagError(
-            f'{folder} has no metadata.yaml, which says how its files are compressed: unpack '
-            f"each, as by `zstd -d {packed[0]} -o {packed[0].removesuffix('.zstd')}`")
+            f'{folder} has compressed files, but no metadata.yaml: decompress '
+            f"each, as with `zstd -d {packed[0]} -o {packed[0].removesuffix('.zstd')}`")
     if not files:
         raise BagError(f'{folder} is not a rosbag2 folder: it has no metadata.yaml, and no .mcap '
                        'or .db3 file either')
     if len({file.suffix for file in files}) > 1:
-        raise BagError(f'{folder} has no metadata.yaml, and both .mcap and .db3 files: which of '
-                       'them are the bag? Read one file, or keep each kind in a folder of its own')
+        raise BagError(f'{folder} has no metadata.yaml, but both .mcap and .db3 files: give a '
+                       'single file, or move the files of each kind into a folder of their own')
     return files

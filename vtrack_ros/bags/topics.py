@@ -34,6 +34,7 @@ def checked_topic(name: str, remedy: str = '') -> str:
     full = absolute(name)
     if len(full) > _LONGEST or not _NAME.fullmatch(full):
         raise BagError(
-            f'{name!r} is not a name for a topic: between slashes it has letters, digits and '
-            f'underscores, and no digit first, at most {_LONGEST} characters in all{remedy}')
+            f'{name!r} is not a valid topic name: each part between slashes consists of letters, '
+            f'digits and underscores without a leading digit, and the whole name has at most '
+            f'{_LONGEST} characters{remedy}')
     return full

@@ -20,14 +20,14 @@ from vtrack_ros.dds import end_process
 _INTERRUPTED = 130
 _PIPE_CLOSED = 141
 _COMMANDS = {
-    'synth': 'render a scene with exact truth into a bag',
-    'import': 'make a bag of images or of a video',
-    'play': 'publish a bag, as ros2 bag play would',
-    'replay': 'run a tracker over a bag, without a node',
-    'evaluate': 'compare trackers on bags and image folders with truth',
-    'doctor': 'say what is installed, what arrives, and what to do where something is wrong',
-    'layout': 'print a layout of RViz or Foxglove for a node',
-    'select': 'point out the target in the browser, and watch it being tracked',
+    'synth': 'render a synthetic scene with exact ground truth into a bag',
+    'import': 'convert images or a video to a bag',
+    'play': 'publish the messages of a bag, like ros2 bag play',
+    'replay': 'run a tracker on a bag, without a node',
+    'evaluate': 'compare trackers on bags and image folders with ground truth',
+    'doctor': 'check the installation and the image topics, and suggest remedies',
+    'layout': 'print a layout for RViz or Foxglove with the topics of a node',
+    'select': 'select the target in the browser, and watch the tracking',
 }
 
 
@@ -99,8 +99,9 @@ def _run(words: list[str]) -> int:
 
 def command_parser(called: str) -> Parser:
     """Return a parser with the names of all commands, and the arguments of the called one."""
-    parser = Parser('vtrack', description='Bags of images, and trackers that follow a target in '
-                    'them.', epilog='vtrack COMMAND --help tells more, with examples.')
+    parser = Parser('vtrack', description='Make and play bags of images, and track a '
+                    'target in them.', epilog='vtrack COMMAND --help shows the options and '
+                    'examples.')
     parser.add_argument('--version', action='version', version=f'vtrack {__version__}')
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for name, summary in _COMMANDS.items():

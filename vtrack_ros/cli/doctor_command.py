@@ -15,8 +15,8 @@ EXAMPLES = """examples:
   vtrack doctor
   vtrack doctor --seconds 10
 
-Run it in the shell that the node or the camera driver is started from, while they run. The exit
-code is 1 where something is wrong; a line with an arrow says what to do."""
+Run it while the node and the camera driver are running, in the shell that they were started from.
+Lines with an arrow are advice. The exit code is 1 if a line begins with "wrong"."""
 #: Share of lost images above which a topic is reported as wrong.
 _NOTABLE = 0.01
 
@@ -24,7 +24,8 @@ _NOTABLE = 0.01
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument('--seconds', type=duration, default=3.0, metavar='S',
-                        help='how long to listen on the image topics (default: %(default)s)')
+                        help='how long to listen on the image topics, in seconds '
+                        '(default: %(default)s)')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,7 +54,7 @@ def _findings(seconds: float) -> Iterator[Finding]:
         rclpy = load_rclpy('the node')
         from vtrack_ros.ros.topic_survey import survey
     except ModuleNotFoundError as error:
-        yield Finding(f'without ROS there are trackers, bags and evaluation, but no node: {error}',
+        yield Finding(f'no ROS: trackers, bags and evaluation work, but not the node: {error}',
                       'source /opt/ros/jazzy/setup.bash, or run scripts/setup')
         return
     context = rclpy.context.Context()
@@ -68,9 +69,9 @@ def _findings(seconds: float) -> Iterator[Finding]:
         for topic in topics:
             yield from _of_topic(topic)
         if not topics:
-            yield Finding('nobody publishes images',
-                          'start the camera driver, or vtrack play bags/face_fast --loop; where '
-                          'one runs: is its ROS_DOMAIN_ID the same?')
+            yield Finding('no node publishes images',
+                          'start the camera driver, or vtrack play bags/face_fast --loop; if it '
+                          'is running, check that its ROS_DOMAIN_ID is the same')
     finally:
         executor.shutdown()
         leave(node)
@@ -86,23 +87,24 @@ def _middleware(rclpy: Any, profile: Finding) -> Iterator[Finding]:
         yield profile
         yield installation.shared_memory()
     else:
-        yield Finding(f'the profile of this package is for Fast DDS, not for {name}')
+        yield Finding(f'the profile of this package is not used: it is for Fast DDS, not {name}')
     try:
         import vision_msgs.msg  # noqa: F401
     except ImportError:
-        yield Finding('vision_msgs is not installed: no boxes, no detections, no page',
+        yield Finding('vision_msgs is not installed: no detections, no vtrack select',
                       'apt install ros-jazzy-vision-msgs, or run scripts/setup')
 
 
 def _of_topic(topic: Any) -> Iterator[Finding]:
     kind = 'reliable' if topic.reliable else 'best effort'
     text = (f'{topic.name}: {kind}, from {", ".join(topic.publishers)} to '
-            f'{", ".join(topic.subscribers) or "nobody"}')
+            f'{", ".join(topic.subscribers) or "no node"}')
     if not topic.received:
         # The middleware counts a lost message only when a later one arrives.
-        yield Finding(f'{text}: no image came',
-                      'does the driver run, and send? Large images may all be lost without '
-                      f'the profile: start it with {installation.profile_setting()}', wrong=True)
+        yield Finding(f'{text}: no image was received',
+                      'check that the driver is running and publishing. Without the DDS profile '
+                      'large images may all be lost: start the driver with '
+                      f'{installation.profile_setting()}', wrong=True)
         return
     text += f'; {topic.form}, {topic.rate:.1f} Hz'
     total = topic.received + topic.lost
@@ -113,11 +115,11 @@ def _of_topic(topic: Any) -> Iterator[Finding]:
         advice = (f'start its driver with {installation.profile_setting()}: such images do not '
                   'fit into the shared memory of Fast DDS'
                   if topic.exceeds_shared_memory else
-                  'is the processor busy, or the network? Smaller or compressed images help')
-        yield Finding(f'{text}, {topic.lost} of {total} lost on the way', advice, wrong=True)
+                  'check the load of processor and network; smaller or compressed images help')
+        yield Finding(f'{text}, {topic.lost} of {total} lost in transit', advice, wrong=True)
     if len(topic.publishers) > 1:
-        yield Finding(f'{topic.name} has several publishers, which the node takes for one stream',
+        yield Finding(f'{topic.name} has several publishers, which the node treats as one stream',
                       'remap all but one')
     for mismatch in topic.mismatches:
-        yield Finding(f'{topic.name}: {mismatch}', "leave the node's reliability at auto, or "
+        yield Finding(f'{topic.name}: {mismatch}', "set the node's reliability to auto, or "
                       'start both with the same type and QoS', wrong=True)

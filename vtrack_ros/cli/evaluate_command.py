@@ -32,45 +32,46 @@ EXAMPLES = """examples:
   vtrack evaluate --sequences DIR --stress rate,gaps,hidden --trackers gmpf
   vtrack evaluate --sequences DIR --seeds 20 --backend dask --scheduler tcp://host:8786
 
-The exit code is 1 where a sequence was skipped because something is wrong with it."""
+The exit code is 1 if a sequence or a run was skipped because of an error."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
         '--trackers', default='all', metavar='A,B,...',
-        help='which trackers, with parameters where they differ from the defaults '
-        '(pf,gmpf:particles=40); all: every one of this package and of others; papers: the '
-        "papers' methods; peers: those of OpenCV, where it has them")
+        help='trackers to compare, with parameters other than the defaults after a colon '
+        '(pf,gmpf:particles=40); all: those of this package and of other packages; papers: the '
+        "papers' methods; peers: OpenCV's own, as far as they are installed (default: all)")
     parser.add_argument('--bags', nargs='+', type=Path, default=[], metavar='BAG',
-                        help='bags with truth')
-    parser.add_argument('--topic', help='the image topic of the bags, where there are several')
+                        help='bags with ground truth')
+    parser.add_argument('--topic', help='image topic of the bags; needed if a bag has several')
     parser.add_argument('--sequences', type=Path, metavar='DIR',
                         help='a folder of sequences, each with img/ and groundtruth_rect.txt')
     parser.add_argument('--scenes', metavar='A,B,...',
-                        help='scenes as vtrack synth renders them, or all')
+                        help='synthetic scenes (see vtrack synth --list), or all')
     parser.add_argument('--seeds', type=positive_integer, default=1, metavar='K',
-                        help='how many seeds, from 0 on (default 1)')
+                        help='number of seeds: 0 to K - 1 (default: %(default)s)')
     parser.add_argument('--stress', nargs='?', const='all', metavar='A,B,...',
-                        help='also make it harder, in three severities of each kind of stress: '
+                        help='also evaluate harder versions, in three severities of each kind: '
                         + ', '.join(STRESS_KINDS) + ' (default: all of them)')
     parser.add_argument('--stress-seed', type=seed, default=0, metavar='N',
-                        help='of the randomness in the stress (default 0)')
+                        help='seed of the random changes of --stress (default: %(default)s)')
     parser.add_argument('--jobs', type=positive_integer, metavar='J',
-                        help='how many processes (default: as many as there are processors)')
+                        help='number of processes (default: one per processor)')
     parser.add_argument('--backend', choices=('processes', 'dask'), default='processes',
-                        help='run in processes of this machine, or on the workers of a dask '
-                        'cluster, each with one thread and the same files (default: %(default)s)')
+                        help='run in processes on this machine, or on the workers of a dask '
+                        'cluster, which need one thread each and the same files '
+                        '(default: %(default)s)')
     parser.add_argument('--scheduler', metavar='ADDRESS',
-                        help='of the dask cluster (default: $DASK_SCHEDULER_ADDRESS, or else a '
-                        'cluster of J workers on this machine)')
-    parser.add_argument('--json', type=_output, metavar='FILE', help='write all figures as JSON')
+                        help='address of the dask scheduler (default: $DASK_SCHEDULER_ADDRESS, or '
+                        'else a cluster of J workers on this machine)')
+    parser.add_argument('--json', type=_output, metavar='FILE', help='write all results as JSON')
     parser.add_argument('--html', type=_output, metavar='FILE',
-                        help='write one page with plots and pictures')
+                        help='write a self-contained page with plots and pictures')
     parser.add_argument('--cache', type=Path, default=default_folder(), metavar='DIR',
-                        help='where finished runs are kept and found again (default %(default)s)')
+                        help='folder for the results of finished runs (default: %(default)s)')
     parser.add_argument('--no-cache', action='store_true',
-                        help='run everything, also to have all times measured now')
+                        help='repeat all runs, so that all times are measured now')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -112,7 +113,7 @@ def _workers(arguments: argparse.Namespace) -> Iterator[None]:
     """Select the processes or dask workers of the arguments for what runs in the context."""
     if arguments.backend == 'processes':
         if arguments.scheduler is not None:
-            raise ValueError('--scheduler is for --backend dask')
+            raise ValueError('--scheduler needs --backend dask')
         yield
         return
     try:
@@ -128,15 +129,15 @@ def _workers(arguments: argparse.Namespace) -> Iterator[None]:
     with connect(address, **({} if address else here)) as client, parallel_config(backend='dask'):
         busy = [worker for worker, threads in client.nthreads().items() if threads > 1]
         if busy:
-            raise ValueError(f'{busy[0]} has several threads, which would disturb one another: '
-                             'start it by dask worker --nthreads 1')
+            raise ValueError(f'{busy[0]} has several threads, which would slow each other down: '
+                             'start it with dask worker --nthreads 1')
         yield
 
 
 def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:
     if arguments.sequences is None and not arguments.bags and not arguments.scenes:
         raise ValueError(
-            'nothing to evaluate on: give --sequences DIR, --bags PATH or --scenes NAME')
+            'no sequences given: use --sequences DIR, --bags PATH or --scenes NAME')
     found: list[Sequence] = []
     broken: dict[str, str] = {}
     if arguments.sequences is not None:

@@ -13,21 +13,23 @@ EXAMPLES = """examples:
   vtrack import sequences/Crossing --out crossing        # img/ and groundtruth_rect.txt
   vtrack import holiday.mp4 --out holiday --compress jpeg
 
-Images are taken in the order of their names, 2.png before 10.png. A groundtruth_rect.txt beside
-them (one box x,y,width,height a line, NaN where the target is absent) becomes the bag's truth."""
+Images are read in the order of the numbers in their names, 2.png before 10.png. The ground truth
+is read from groundtruth_rect.txt in the folder or its parent: one box x,y,width,height per line,
+NaN where the target is absent."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument('path', type=Path, metavar='PATH', help='an image folder or a video file')
     parser.add_argument('--out', type=Path, required=True, metavar='BAG',
-                        help='the bag to write; a new folder')
+                        help='bag to write, a new folder')
     parser.add_argument('--rate', type=positive_number, metavar='HZ',
-                        help="frames per second (default: the video's, else 25)")
+                        help="frames per second (default: the video's rate, otherwise 25)")
     truth = parser.add_mutually_exclusive_group()
     truth.add_argument('--truth', type=Path, metavar='FILE',
-                       help="true boxes (default: the folder's groundtruth_rect.txt)")
-    truth.add_argument('--no-truth', action='store_true', help='leave the truth out')
+                       help='file with the ground truth (default: groundtruth_rect.txt, if there '
+                       'is one)')
+    truth.add_argument('--no-truth', action='store_true', help='write no ground truth')
     add_storage_arguments(parser)
 
 
@@ -39,6 +41,6 @@ def run(arguments: argparse.Namespace) -> int:
     count = record(frames, arguments.out, rate=rate, storage=arguments.format,
                    compression=arguments.compress, topic=arguments.topic,
                    with_truth=source.truth is not None)
-    about = 'without truth' if source.truth is None else 'with truth'
+    about = 'without ground truth' if source.truth is None else 'with ground truth'
     print(f'{arguments.out}: {count} frames at {rate:g} Hz, {about}')
     return 0

@@ -52,7 +52,7 @@ def libraries() -> Iterator[Finding]:
         yield Finding(f'{name} is not installed: no {use}',
                       f"pip install 'vtrack_ros[{extra}]', or apt install python3-{name}")
     if not missing:
-        yield Finding('bags, evaluation, reports and the page have their libraries')
+        yield Finding('all optional libraries are installed')
 
 
 def trackers() -> Finding:
@@ -61,7 +61,7 @@ def trackers() -> Finding:
     own = tracker_names(replicas=False, installed=False)
     added = [name for name in tracker_names(replicas=False) if name not in own]
     return Finding(f'trackers {", ".join(own)}' + (
-        f'; of other packages {", ".join(added)}' if added else ''))
+        f'; from other packages {", ".join(added)}' if added else ''))
 
 
 def unusable_middleware(environment: Mapping[str, str]) -> Finding | None:
@@ -74,7 +74,7 @@ def unusable_middleware(environment: Mapping[str, str]) -> Finding | None:
                            env=dict(environment), capture_output=True)
     if tried.returncode == 0:
         return None
-    return Finding(f"the middleware {name} of RMW_IMPLEMENTATION can't be loaded",
+    return Finding(f"RMW_IMPLEMENTATION is set to {name}, which can't be loaded",
                    f'apt install ros-jazzy-{name.replace("_", "-")}, or unset RMW_IMPLEMENTATION',
                    wrong=True)
 
@@ -95,7 +95,7 @@ def profile(environment: Mapping[str, str]) -> Finding:
         return Finding(f'the Fast DDS profile {path} does not exist', advice, wrong=True)
     if path.name not in (PROFILE, RECEIVING):
         return Finding(f'the Fast DDS profile is {path}, not the one of this package',
-                       'make sure that its shared memory holds several images')
+                       'make sure that its shared memory can hold several images')
     return Finding(f'the Fast DDS profile is {path}')
 
 
@@ -106,8 +106,8 @@ def shared_memory() -> Finding:
     free, abandoned = shutil.disk_usage(SHARED_MEMORY).free, abandoned_memory(SHARED_MEMORY)
     text = f'{free / 2**20:.0f} MiB of shared memory are free'
     if abandoned >= _ABANDONED:
-        text += f'; {abandoned / 2**20:.0f} MiB are left of processes that were killed'
-        advice = 'fastdds shm clean frees what they left'
+        text += f'; {abandoned / 2**20:.0f} MiB are still held for processes that were killed'
+        advice = 'free it with: fastdds shm clean'
     else:
         advice = 'in a container: docker run --ipc=host, or --shm-size=1g'
     if free < _NEEDED:

@@ -16,9 +16,9 @@ _FILES = {'rviz': 'vtrack.rviz', 'foxglove': 'vtrack.foxglove.json'}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument('program', choices=tuple(_FILES), help='who is to read it')
+    parser.add_argument('program', choices=tuple(_FILES), help='program that the layout is for')
     parser.add_argument('node', nargs='?', type=node_name, default='/tracker', metavar='NODE',
-                        help='the tracking node (default: %(default)s)')
+                        help='name of the tracking node (default: %(default)s)')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -18,8 +18,8 @@ EXAMPLES = """examples:
   vtrack play bags/face_fast --loop --rate 0.5 --clock
   vtrack play BAG --topic camera/left --remap camera/left:=image
 
-Reads rosbag2 (mcap, sqlite3) and ROS 1 bags, needs no ros2 bag, and publishes the messages as they
-were recorded, stamps included. Ctrl-C ends it."""
+Reads rosbag2 (mcap, sqlite3) and ROS 1 bags; ros2 bag isn't needed. The messages keep their
+recorded stamps. Ctrl-C ends it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,19 +27,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('bag', type=Path, metavar='BAG',
                         help='a rosbag2 folder, .mcap, .db3 or ROS 1 .bag')
     parser.add_argument('--rate', type=positive_number, default=1.0, metavar='R',
-                        help='2 plays twice as fast (default: %(default)s)')
-    parser.add_argument('--loop', action='store_true', help='begin again at the end')
+                        help='speed: 2 plays twice as fast (default: %(default)s)')
+    parser.add_argument('--loop', action='store_true', help='repeat the bag until Ctrl-C')
     parser.add_argument('--clock', type=positive_number, nargs='?', const=40.0, default=0.0,
-                        metavar='HZ', help="publish the bag's time on /clock (at 40 Hz, or at HZ)")
+                        metavar='HZ', help="publish the bag's time on /clock, at 40 Hz or at HZ")
     parser.add_argument('--topic', '--topics', nargs='+', metavar='T', action='extend',
-                        help='play only these topics (default: all)')
+                        help='publish only these topics (default: all)')
     parser.add_argument('--remap', nargs='+', type=_remap, action='extend', default=[],
                         metavar='FROM:=TO', help='publish a topic under another name')
     parser.add_argument('--qos', choices=('auto', 'reliable', 'best_effort'), default='auto',
-                        help='reliability to offer; auto: as recorded (default: %(default)s)')
+                        help='reliability of the publishers; auto: as recorded '
+                        '(default: %(default)s)')
     parser.add_argument('--wait', type=duration, default=5.0, metavar='SECONDS',
-                        help='wait so long, at most, for a subscriber to the images, and '
-                        'until it has the first one (default: %(default)s; 0: begin at once)')
+                        help='longest time to wait for a subscriber to the images, and for it to '
+                        'receive the first one (default: %(default)s; 0: do not wait)')
     parser.add_argument('--json', action='store_true', help='print the final count as JSON')
 
 
@@ -77,14 +78,14 @@ def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None
     # With --json, standard output has the JSON alone.
     stream = sys.stderr if arguments.json else sys.stdout
     for reason in player.skipped:
-        print(f'vtrack play: left out {reason}', file=sys.stderr)
+        print(f'vtrack play: skipped {reason}', file=sys.stderr)
     for topic in player.topics:
         name = player.published_name(topic.name)
         print(f'{name}: {topic.count} {topic.message_type}', file=stream)
     print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
     if arguments.wait and not (
             player.wait_for_subscribers(arguments.wait) or player.stop.made()):
-        print(f'nobody has subscribed within {arguments.wait:g} s: playing all the same',
+        print(f'no node has subscribed within {arguments.wait:g} s: playing anyway',
               file=stream, flush=True)
     played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock), arguments.wait)
     _report(played, arguments.json)

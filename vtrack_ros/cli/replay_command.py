@@ -22,9 +22,9 @@ EXAMPLES = """examples:
   vtrack replay BAG --tracker pf --set particles=400 --init 120,80,40,60 --out result
   vtrack replay BAG --tracker pf --list-parameters
 
-DIR gets results.csv (one row per frame, in full precision), bag/ (detections, poses and
-twists, with the images' own headers), video.mp4 and contact_sheet.png. The same bag, tracker,
-parameters and seed give the same boxes, bit for bit, as the node does where it drops no frame."""
+Writes into DIR: results.csv (one row per frame, in full precision), bag/ (detections, poses and
+twists, with the headers of the images), video.mp4 and contact_sheet.png. The same bag, tracker,
+parameters and seed give exactly the same boxes, and so does the node if it drops no frame."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,19 +34,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--tracker', default='gmpf', metavar='T',
                         help='one of ' + ', '.join(tracker_names()) + ' (default: %(default)s)')
     parser.add_argument('--out', type=Path, metavar='DIR',
-                        help='the folder for the results, in place of those of an earlier replay '
+                        help='folder for the results; replaces those of an earlier replay '
                         '(default: only print the figures)')
     parser.add_argument('--seed', type=seed, default=0, metavar='S',
-                        help='of the random numbers (default: %(default)s)')
+                        help='seed of the random number generator (default: %(default)s)')
     parser.add_argument('--set', nargs='+', action='extend', default=[], metavar='NAME=VALUE',
-                        help="the tracker's parameters")
+                        help="values of the tracker's parameters")
     parser.add_argument('--list-parameters', action='store_true',
-                        help="list the tracker's parameters and end")
+                        help="list the tracker's parameters and exit")
     parser.add_argument('--init', type=box, metavar='X,Y,W,H',
-                        help='the target in the first image, in pixels (default: the first box '
-                        "of the bag's truth)")
-    parser.add_argument('--topic', metavar='T', help='the image topic, where there are several')
-    parser.add_argument('--no-video', action='store_true', help='write no pictures')
+                        help='box of the target in the first image, in pixels (default: the first '
+                        'ground-truth box of the bag)')
+    parser.add_argument('--topic', metavar='T', help='image topic; needed if there are several')
+    parser.add_argument('--no-video', action='store_true',
+                        help='write neither video nor contact sheet')
     parser.add_argument('--json', action='store_true', help='print the figures as JSON')
 
 
@@ -74,8 +75,8 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
         warn('vtrack replay', bag.notice)
         topic, truth = bag.image_topic(arguments.topic), bag.truth()
         if arguments.init is None and not any(truth.values()):
-            raise ValueError(f'{arguments.bag} does not say where the target is: '
-                             'give --init X,Y,WIDTH,HEIGHT')
+            raise ValueError(f'{arguments.bag} has no ground-truth box: '
+                             'give the target with --init X,Y,WIDTH,HEIGHT')
         steps = replay(bag.frames(topic.name, malformed), session, truth, arguments.init)
         results = film = None
         if arguments.out is not None:
@@ -94,7 +95,7 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
         if len(malformed) == topic.count:
             raise ValueError(f'none of the images can be read: {malformed[0]}')
     for text in malformed[:5]:
-        print(f'vtrack replay: left out {text}', file=sys.stderr)
+        print(f'vtrack replay: skipped {text}', file=sys.stderr)
     figures = score.figures()
     figures['frames_malformed'] = len(malformed)
     figures['fps'] = 1e3 / figures['ms_per_frame'] if figures['ms_per_frame'] else None

@@ -13,20 +13,21 @@ EXAMPLES = """examples:
   vtrack select /arm/tracker --port 8000
   vtrack select --host 0.0.0.0
 
-Prints the page's address: open it, drag a box about the target or click on it. With --host, others
-than this machine may open it, if they know the token in the address. Ctrl-C ends it."""
+Prints the address of a page: open it in a browser, and drag a box around the target or click on
+it. With --host, other machines can open it too, with the token in the address. Ctrl-C ends it."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument('node', nargs='?', type=node_name, default='/tracker', metavar='NODE',
-                        help='the tracking node (default: %(default)s)')
-    parser.add_argument('--host', metavar='ADDRESS', help='serve on this address, with a token '
-                        '(default: for this machine alone, without)')
+                        help='name of the tracking node (default: %(default)s)')
+    parser.add_argument('--host', metavar='ADDRESS', help='serve on this address, protected by a '
+                        'token (default: only on this machine, without a token)')
     parser.add_argument('--port', type=_port, default=8642, metavar='P',
-                        help='0 takes a free one (default: %(default)s)')
+                        help='port of the page; 0: any free one (default: %(default)s)')
     parser.add_argument('--recordings', type=Path, default=Path(), metavar='DIR',
-                        help='where bags go that are recorded on the page (default: here)')
+                        help='folder for bags that are recorded on the page (default: the current '
+                        'folder)')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -29,11 +29,11 @@ def opened(source: str) -> cv2.VideoCapture:
         if sys.platform == 'linux' and not Path(f'/dev/video{source}').exists():
             raise NoImagesError(f'there is no camera {source} (/dev/video{source})')
         capture = cv2.VideoCapture(int(source))
-        fault = f'camera {source} sends no image; does another program have it?'
+        fault = f'camera {source} sends no image; is another program using it?'
     elif not Path(source).is_file():
         raise NoImagesError(f'{source} does not exist')
     else:
-        capture, fault = cv2.VideoCapture(source), f'{source} is no video that OpenCV can read'
+        capture, fault = cv2.VideoCapture(source), f'{source} is not a video that OpenCV can read'
     if not (capture.isOpened() and capture.grab()):
         capture.release()
         raise NoImagesError(fault)

@@ -36,27 +36,29 @@ LEAST_TRACKED, LEAST_IOU = 0.5, 0.3
 def parser() -> argparse.ArgumentParser:
     """Return the command line's parser."""
     result = Parser(
-        prog='demo', description='Track a target in a recorded bag: a player, the node and a '
-        'recorder run in three processes, and pictures of it go into a folder.')
+        prog='demo', description='Track a target in a recorded bag with the real node: player, '
+        'node and recorder run in three processes. Pictures are written into a folder.')
     result.add_argument('--bag', type=Path, default=_ROOT / 'bags' / 'face_fast',
                         help='a rosbag2 folder, .mcap, .db3 or ROS 1 .bag (default: %(default)s)')
-    result.add_argument('--topic', help='the image topic, where the bag has several')
+    result.add_argument('--topic', help='image topic; needed if the bag has several')
     result.add_argument('--tracker', choices=tracker_names(), default='gmpf',
                         help='default: %(default)s')
     result.add_argument('--seed', type=seed, default=0,
-                        help='of the random numbers (default: %(default)s)')
+                        help='seed of the random number generator (default: %(default)s)')
     result.add_argument('--init-box', type=box, metavar='X,Y,WIDTH,HEIGHT',
-                        help="the target on the first frame, in pixels (default: the bag's truth)")
+                        help='box of the target in the first frame, in pixels (default: the '
+                        'ground truth of the bag)')
     result.add_argument('--rate', type=positive_number, default=1.0, metavar='R',
-                        help='twice as fast at 2 (default: %(default)s)')
+                        help='speed: 2 plays twice as fast (default: %(default)s)')
     result.add_argument('--camera', nargs='?', const='0', metavar='N|VIDEO',
-                        help='instead: track what a webcam (its number) or a video file shows, '
-                        'and choose the target in the browser; a scene where there is no camera')
+                        help='track in the images of a webcam (its number) or a video file '
+                        'instead, and select the target in the browser; without a camera, a '
+                        'recorded scene is played')
     result.add_argument('--no-browser', action='store_true',
-                        help='with --camera: print the address alone')
-    result.add_argument('--json', type=Path, metavar='FILE', help='write the figures here as well')
+                        help='with --camera: print the address, but open no browser')
+    result.add_argument('--json', type=Path, metavar='FILE', help='also write the figures to FILE')
     result.add_argument('--out', type=Path, default=Path('demo-output'), metavar='DIR',
-                        help='where the pictures go (default: %(default)s)')
+                        help='folder for the pictures (default: %(default)s)')
     return result
 
 
@@ -94,8 +96,8 @@ def _demonstrate(options: argparse.Namespace) -> int:
         topic, truth = bag.image_topic(options.topic), bag.truth()
         start = options.init_box or truth.get(next(bag.frames(topic.name)).stamp)
         if start is None:
-            raise DemoError(f'{options.bag} does not say where the target is on the first frame: '
-                            'give --init-box X,Y,WIDTH,HEIGHT')
+            raise DemoError(f'{options.bag} has no ground-truth box for the first frame: '
+                            'give the target with --init-box X,Y,WIDTH,HEIGHT')
         options.out.mkdir(parents=True, exist_ok=True)
         print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
               f'{options.tracker}, seed {options.seed}')

@@ -28,7 +28,7 @@ def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) 
     except NoImagesError as error:
         if not source.isdecimal():
             raise
-        print(f'{error}: a scene is shown instead ({_SCENE.name})', flush=True)
+        print(f'{error}: playing the recorded scene {_SCENE.name} instead', flush=True)
         images = ('vtrack_ros.cli.command_line', 'play', str(_SCENE), '--loop')
         node = [*node, '-p', 'image_transport:=compressed']
     children = [Child('node', folder / 'node.log', 'vtrack_ros.ros.main', '--ros-args', *node)]
@@ -42,10 +42,10 @@ def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) 
         while not page.said.startswith('http'):
             page.check()
             if time.monotonic() > deadline:
-                raise page.failure('was not served')
+                raise page.failure('did not start')
             time.sleep(0.05)
         address = page.said.split()[0]
-        print(f'drag a box about the target, or click on it: {address}\nCtrl-C ends it',
+        print(f'drag a box around the target, or click on it: {address}\nCtrl-C ends it',
               flush=True)
         if show:
             webbrowser.open(address)

@@ -74,7 +74,7 @@ class Child:
         try:
             code = self._process.wait(patience)
         except subprocess.TimeoutExpired:
-            return self.failure('did not end when told to, and was killed')
+            return self.failure('did not end on request, and was killed')
         finally:
             self._process.kill()
             self._process.wait()

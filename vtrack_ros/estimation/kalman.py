@@ -176,7 +176,7 @@ class KalmanFilter(ExtendedKalmanFilter):
     def __init__(self, model: StateSpaceModel) -> None:
         if not isinstance(model, LinearModel):
             raise ValueError(f'model must be a LinearModel, not {type(model).__name__}; '
-                             'the other filters take any')
+                             'the other filters accept any model')
         super().__init__(model)
 
 

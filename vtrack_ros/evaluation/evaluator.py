@@ -128,7 +128,7 @@ def _outcomes(
             yield ordered[done], outcome
             done += 1
     except Exception as error:  # noqa: B902 - what a task raises is its outcome: this is a process
-        died = f'a process that ran trackers died ({type(error).__name__}) amidst or before this'
+        died = f'a worker process died ({type(error).__name__}) during or before this run'
         yield from ((task, died) for task in ordered[done:])
     finally:
         if not isinstance(outcomes, list):

@@ -33,11 +33,11 @@ _BEST: dict[str, Callable[[list[float]], float]] = {
                      'cei'), min)}
 
 _QUESTIONS = {
-    'Where is it?': ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'rmse_var',
-                     'failures', 'recovery_frames'),
-    'Does it know?': ('auroc', 'losses', 'losses_reported', 'report_frames', 'false_alarms',
-                      'wrong_tracking', 'returns', 'found15', 'coverage50', 'coverage90'),
-    'What does it cost?': ('ms_median', 'ms_p99', 'cpu_ms_median', 'cei'),
+    'Accuracy': ('auc', 'precision20', 'normalised_precision', 'rmse_mean', 'rmse_var',
+                 'failures', 'recovery_frames'),
+    'Detection of losses': ('auroc', 'losses', 'losses_reported', 'report_frames', 'false_alarms',
+                            'wrong_tracking', 'returns', 'found15', 'coverage50', 'coverage90'),
+    'Computing time': ('ms_median', 'ms_p99', 'cpu_ms_median', 'cei'),
 }
 _FOR_SEQUENCE = ('auc', 'precision20', 'rmse_mean', 'failures', 'auroc', 'report_frames',
                  'false_alarms', 'wrong_tracking', 'found15', 'coverage90', 'ms_median')
@@ -96,10 +96,10 @@ def html_page(results: Results, stress: StressResults | None = None) -> str:
     charts = {} if not rows else {
         'success': line_chart(
             _mean_curves(results, colors, metrics.OVERLAP_THRESHOLDS, _success),
-            'overlap threshold', 'share of frames above it', y_top=1.0),
+            'overlap threshold', 'share of frames above', y_top=1.0),
         'precision': line_chart(
             _mean_curves(results, colors, metrics.PRECISION_THRESHOLDS, _precision),
-            'centre error threshold [px]', 'share of frames within it', y_top=1.0),
+            'centre error threshold [px]', 'share of frames within', y_top=1.0),
         'bars': bar_chart({
             name: {label: (_value(row[label], 'auc'), _value(row[label], 'auc_std'))
                    for label in colors if label in row}

@@ -23,31 +23,41 @@ class Figure:
 
 
 FIGURES = (
-    Figure('auc', 'AUC', 'success: mean share of frames above 21 overlap thresholds from 0 to 1'),
-    Figure('precision20', 'P@20', 'share of frames whose centre is within 20 px'),
-    Figure('normalised_precision', 'NP',
-           'mean share of frames whose centre is within 0 to 0.5 target sizes'),
+    Figure('auc', 'AUC', 'area under the success curve: share of frames with an overlap above a '
+           'threshold, mean over 21 thresholds from 0 to 1'),
+    Figure('precision20', 'P@20', 'share of frames with a centre error of at most 20 px'),
+    Figure('normalised_precision', 'NP', 'share of frames with a centre error within a threshold, '
+           'mean over thresholds from 0 to 0.5 target sizes'),
     Figure('rmse_mean', 'RMSE', 'centre error, mean over frames [px]'),
     Figure('rmse_var', 'RMSE var', 'centre error, variance over frames [px^2]'),
-    Figure('failures', 'fail', 'failures: the overlap fell to 0'),
-    Figure('recovery_frames', 'recov', 'frames until recovery, mean over failures that ended'),
-    Figure('auroc', 'AUROC', 'of the confidence, on target (IoU > 0.5) against off (IoU < 0.1)'),
-    Figure('losses', 'losses', 'losses: off the target, or the target absent'),
-    Figure('losses_reported', 'said', 'share of losses that the state reported'),
-    Figure('report_frames', 'delay', 'frames from a loss to saying so, mean over those reported'),
-    Figure('false_alarms', 'alarm', 'share of on-target frames whose state was not TRACKING'),
-    Figure('wrong_tracking', 'wrong',
-           'share of frames whose state was TRACKING off the target, or with the target absent'),
-    Figure('returns', 'returns', 'returns of an absent target'),
-    Figure('found15', 'found', 'share of returns with the box on target within 15 frames'),
-    Figure('coverage50', 'in 50%', 'share of true centres in the 50 % ellipse, while TRACKING'),
-    Figure('coverage90', 'in 90%', 'share of true centres in the 90 % ellipse, while TRACKING'),
-    Figure('ms_median', 'ms', 'time of an update, median [ms]', True),
-    Figure('ms_p99', 'ms p99', 'time of an update, 99th percentile [ms]', True),
+    Figure('failures', 'fail', 'number of failures: the overlap fell to 0'),
+    Figure('recovery_frames', 'recov', 'frames from a failure until the overlap is above 0.1, '
+           'mean over failures that ended'),
+    Figure('auroc', 'AUROC', 'probability that the confidence is higher in a frame on the target '
+           '(IoU > 0.5) than in one off it (IoU < 0.1, or target absent)'),
+    Figure('losses', 'losses', 'number of losses: after being on the target, the box is off it or '
+           'the target absent'),
+    Figure('losses_reported', 'said', 'share of losses that the state reported (not TRACKING)'),
+    Figure('report_frames', 'delay', 'frames from a loss to its report, mean over the reported '
+           'losses'),
+    Figure('false_alarms', 'alarm', 'false alarms: share of frames on the target in which the '
+           'state was not TRACKING'),
+    Figure('wrong_tracking', 'wrong', 'share of frames in which the state was TRACKING although '
+           'the box was off the target or the target absent'),
+    Figure('returns', 'returns', 'number of returns of an absent target'),
+    Figure('found15', 'found', 'share of returns after which the box was on the target within 15 '
+           'frames'),
+    Figure('coverage50', 'in 50%', 'share of true centres inside the 50 % ellipse of the '
+           'covariance, over frames in state TRACKING'),
+    Figure('coverage90', 'in 90%', 'share of true centres inside the 90 % ellipse of the '
+           'covariance, over frames in state TRACKING'),
+    Figure('ms_median', 'ms', 'wall-clock time of an update, median [ms]', True),
+    Figure('ms_p99', 'ms p99', 'wall-clock time of an update, 99th percentile [ms]', True),
     Figure('cpu_ms_median', 'cpu ms',
            'processor time of an update, all threads together, median [ms]', True),
-    Figure('cei', 'CEI', 'composite index, smaller is better: median processor time 0.5, '
-           'RMSE 0.3, RMSE variance 0.2, each relative to the worst of these trackers', True),
+    Figure('cei', 'CEI', 'composite evaluation index, smaller is better: weighted sum of median '
+           'processor time (0.5), RMSE (0.3) and RMSE variance (0.2), each divided by that of the '
+           'worst tracker', True),
 )
 
 #: Weights in the composite index: time, mean of the RMSE, its variance [Zhu2012, section 5].

@@ -175,15 +175,15 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
         stamps = [stamped.stamp for stamped in bag.frames(name)]
         notice = bag.notice
     if not boxes:
-        raise SequenceError(f'{path}: the bag has no truth, neither as a topic nor as a CSV')
+        raise SequenceError(f'{path}: the bag has no ground truth, neither as topic nor as CSV')
     first = next((index for index, stamp in enumerate(stamps) if boxes.get(stamp)), None)
     if first is None:
         raise SequenceError(f'{path}: none of the {len(stamps)} images has a true box')
     stamps = stamps[first:]
     unknown = sum(stamp not in boxes for stamp in stamps)
     if unknown:
-        raise SequenceError(f'{path}: {unknown} of {len(stamps)} images have no truth; a target '
-                            'that is absent has a row of NaN')
+        raise SequenceError(f'{path}: {unknown} of {len(stamps)} images have no truth; an absent '
+                            'target needs a row of NaN')
     estimator = FrameIntervalEstimator()
     intervals = [1.0, *(estimator.steps(after - before)
                         for before, after in zip(stamps, stamps[1:]))]

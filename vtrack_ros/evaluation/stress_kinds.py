@@ -46,7 +46,7 @@ def _rate(footage: Footage, severity: float, rng: np.random.Generator) -> Stress
 def _gaps(footage: Footage, severity: float, rng: np.random.Generator) -> StressPlan:
     missing, length = np.zeros(len(footage.truth), dtype=bool), round(severity)
     if length >= GAP_PERIOD:
-        raise ValueError(f'of {GAP_PERIOD} frames fewer have to be missing, not {length}')
+        raise ValueError(f'the severity of gaps must be below {GAP_PERIOD} frames, not {length}')
     for begin in range(0, len(missing), GAP_PERIOD):
         first = begin + 1 + int(rng.random() * (GAP_PERIOD - length))
         missing[first:first + length] = True
@@ -180,30 +180,30 @@ def _resolution(footage: Footage, severity: float, rng: np.random.Generator) -> 
 
 
 _ALL = (
-    StressKind('rate', (2, 3, 5), 'every n-th frame', 'only every n-th frame is there', _rate),
+    StressKind('rate', (2, 3, 5), 'every n-th frame', 'only every n-th frame is kept', _rate),
     StressKind('gaps', (5, 10, 15), f'frames missing of {GAP_PERIOD}',
-               f'of {GAP_PERIOD} frames some in a row are missing', _gaps),
+               f'of every {GAP_PERIOD} frames, several in a row are missing', _gaps),
     StressKind('shake', (0.3, 0.6, 1.0), 'up to [sides]',
-               'each frame is moved at random', _shake),
+               'each frame is shifted at random', _shake),
     StressKind('jumps', (0.5, 1.5, 3.0), 'jump [sides]',
-               'every 15 to 35 frames the picture jumps, and stays there', _jumps),
+               'every 15 to 35 frames the picture jumps to another place', _jumps),
     StressKind('roll', (15, 30, 60), 'by up to [degrees]',
                'the picture rolls to and fro about the target', _roll),
     StressKind('hidden', (10, 30, 60), 'frames hidden',
-               f'a piece of the surroundings covers the whole target, {_SEEN} frames of sight in '
-               'between', _hidden),
+               f'a piece of the surroundings covers the whole target; it is visible for {_SEEN} '
+               'frames in between', _hidden),
     StressKind('twin', (0.6, 0.4, 0.2), 'nearest [sizes]',
-               "the target's own look passes by, in front of it", _twin),
+               'a copy of the target passes in front of it', _twin),
     StressKind('light', (1.5, 2.25, 3.5), 'darker by a factor of',
-               'every 20 to 40 frames the light falls in one step, unevenly, or is back', _light),
+               'every 20 to 40 frames the light falls in one step, unevenly, or returns', _light),
     StressKind('blur', (0.1, 0.2, 0.4), 'length [sides]',
-               'for 10 to 20 frames of 20 to 40, motion blur and Gaussian blur in turn', _blur),
-    StressKind('noise', (10, 20, 40), 'deviation, of 255', 'normal noise', _noise),
-    StressKind('compression', (30, 15, 7), 'JPEG quality', 'JPEG of low quality', _compression),
+               'motion blur and Gaussian blur in turn, for 10 to 20 frames at a time', _blur),
+    StressKind('noise', (10, 20, 40), 'deviation, of 255', 'normal noise in each pixel', _noise),
+    StressKind('compression', (30, 15, 7), 'JPEG quality', 'JPEG compression', _compression),
     StressKind('resolution', (1.5, 2, 3), 'smaller by a factor of',
-               'frames of fewer pixels', _resolution),
+               'frames with fewer pixels', _resolution),
     StressKind('particles', (50, 20, 10), 'particles',
-               'the frames as they are, for trackers with fewer particles', None),
+               'frames unchanged, but fewer particles in the trackers', None),
 )
 #: The kinds by name.
 STRESS_KINDS = {kind.name: kind for kind in _ALL}
@@ -217,7 +217,7 @@ def stress_kinds(text: str) -> tuple[str, ...]:
     for name in names:
         _kind(name)
     if not names:
-        raise ValueError('no kind of stress is named; valid are all, ' + ', '.join(STRESS_KINDS))
+        raise ValueError('no kind of stress is given; valid are all, ' + ', '.join(STRESS_KINDS))
     return names
 
 

@@ -17,7 +17,7 @@ def stress_table(stress: StressResults) -> str:
         place = 1 + list(stress.of_kind(kind)).index(severity)
         rows.append([f'{kind} {severity:g}', *(
             number_text(stress.auc(kind, tracker)[place], 'auc') for tracker in trackers)])
-    rows.append(['mean of the kinds', *(
+    rows.append(['mean over kinds', *(
         number_text(stress.means[tracker], 'auc') for tracker in trackers)])
     return aligned(rows)
 
@@ -59,7 +59,7 @@ def stress_json(stress: StressResults) -> dict[str, Any]:
 def influence_rows(stress: StressResults) -> list[list[str]]:
     """Return the rows of `influence_table`, the header first."""
     trackers = [tracker for tracker in stress.plain.summary if tracker != REFERENCE]
-    rows = [[f'other than {REFERENCE}', *trackers]]
+    rows = [[f'differs from {REFERENCE}', *trackers]]
     for kind in (None, *stress.kinds):
         cells = []
         for tracker in trackers:

@@ -74,7 +74,7 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
         else:
             pieces.extend(groups[part]() if part in groups else [part])
     if not pieces:
-        raise ValueError('no tracker is named; valid are ' + ', '.join(tracker_names()))
+        raise ValueError('no tracker is given; valid are ' + ', '.join(tracker_names()))
     return specifications(dict.fromkeys(pieces))
 
 
@@ -88,5 +88,5 @@ def _available_peers() -> tuple[str, ...]:
     peers = available_peers()
     if not peers:
         raise ValueError(
-            'this OpenCV has none of the peers; scripts/peers runs with one that has them')
+            'the installed OpenCV has none of the peers (its own trackers); use scripts/peers')
     return peers

@@ -31,13 +31,15 @@ _EVEN, _WIDTH, _UNLIKE = 0.25, 0.07, 0.15
 _CENTER_ERROR, _SIZE_ERROR = 0.08, 0.12
 
 _KEYPOINTS = ParameterTable([
-    Parameter('keypoints', True, 'Whether keypoints measure the pose.'),
-    Parameter('keypoint_share', 0.5, 'Share of the particles that the measured pose moves in '
-              'place of the autoregressive process.', 0.0, 1.0),
-    Parameter('keypoint_sigma', 0.05, 'Width of the keypoint likelihood, as a share of the '
-              "target's mean side.", 0.001, 1.0),
-    Parameter('as_printed', False, 'Match the keypoints of consecutive frames, in place of those '
-              'remembered of the target; in force at the next start.'),
+    Parameter('keypoints', True, 'Measure the change of pose from keypoints.'),
+    Parameter('keypoint_share', 0.5, 'Fraction of the particles that move by the measured change '
+              'of pose instead of the autoregressive process.', 0.0, 1.0),
+    Parameter('keypoint_sigma', 0.05, "Standard deviation of the keypoints' positions in the "
+              'likelihood, as a fraction of the target size sqrt(width * height). A larger value '
+              'weights the particles more equally.', 0.001, 1.0),
+    Parameter('as_printed', False, 'Match the keypoints of consecutive frames, instead of '
+              'matching with stored keypoints of the target. Takes effect with the next target '
+              'or ~/reinit.'),
 ])
 
 

@@ -26,24 +26,28 @@ _FIRST_SPREAD = np.array([0.03, 0.03, 0.05, 0.05, 0.02, 0.02])
 
 BOX_PARAMETERS = ParameterTable([
     MOTION['particles'],
-    Parameter('dynamics', 'white_acceleration', 'How places move: as white acceleration drives '
-              'them; at constant velocity, with independent noise of place and velocity; or as a '
-              'random walk.', choices=DYNAMICS),
-    Parameter('noise', 0.2, 'Standard deviation of the change of velocity a frame with white '
-              "acceleration, else of the place's own step, as a share of the mean side.",
-              0.001, 2.0),
-    Parameter('size_noise', 0.01, 'Standard deviation of the change of size a frame, as a share '
-              'of the mean side.', 0.001, 0.5),
-    Parameter('cues', 'colour', 'What boxes are compared by; in force at the next start.',
+    Parameter('dynamics', 'white_acceleration', 'Motion model of the centre. white_acceleration: '
+              'velocity driven by white noise; constant_velocity: independent noise of position '
+              'and velocity; random_walk: noise of position alone.', choices=DYNAMICS),
+    Parameter('noise', 0.2, 'Process noise, as a fraction of the target size '
+              'sqrt(width * height): standard deviation per frame of the change of velocity with '
+              'white_acceleration, otherwise of the position.', 0.001, 2.0),
+    Parameter('size_noise', 0.01, 'Process noise: standard deviation per frame of width and '
+              'height, as a fraction of the target size sqrt(width * height).', 0.001, 0.5),
+    Parameter('cues', 'colour', 'What boxes are compared by: the colour histogram, alone or with '
+              'moving edges. Takes effect with the next target or ~/reinit.',
               choices=('colour', 'colour+motion_edge')),
-    Parameter('kernel', 'flat', "Weights of a box's pixels in the colour histogram; in force at "
-              'the next start.', choices=('flat', 'epanechnikov')),
-    Parameter('fusion', 'dempster_shafer', 'How two cues are fused; normalised is eqs 16 to 19 '
-              'of Qi and Li 2012 to the letter.',
+    Parameter('kernel', 'flat', 'Weights of the pixels of a box in the colour histogram. flat: '
+              'all equal; epanechnikov: largest in the centre. Takes effect with the next target '
+              'or ~/reinit.', choices=('flat', 'epanechnikov')),
+    Parameter('fusion', 'dempster_shafer', 'How the likelihoods of two cues are combined; '
+              'normalised: by eqs 16 to 19 of Qi and Li 2012, eq. 18 without its misprint.',
               choices=tuple(FUSIONS)),
-    Parameter('grid', 12, 'Points along each side of a box that its colours are taken at; in '
-              'force at the next start.', 4, 64),
-    Parameter('sigma', 0.1, 'Width of the likelihood exp(-(1 - rho) / (2 sigma^2)).', 0.01, 1.0),
+    Parameter('grid', 12, 'Number of sample points along each side of a box for the colour '
+              'histogram. Takes effect with the next target or ~/reinit.', 4, 64),
+    Parameter('sigma', 0.1, 'Width sigma of the likelihood exp(-(1 - rho) / (2 sigma^2)), where '
+              'rho is the Bhattacharyya coefficient of the histograms. A larger value weights '
+              'the particles more equally.', 0.01, 1.0),
 ]) + RESAMPLING
 
 

@@ -38,16 +38,16 @@ _LIKELIHOOD_WIDTH, _CENTER_ERROR, _SIZE_ERROR = 0.2, 0.33, 0.3
 _STENCIL = np.array([(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)])
 
 _MEAN_SHIFT = ParameterTable([
-    Parameter('rejected', 0.5, 'Similarity r below which the target counts as hidden.', 0.0, 1.0),
-    Parameter('growth', 0.1, 'Largest relative change of an axis in one frame.', 0.0, 0.5),
-    Parameter('levels', 16, 'Levels of each colour channel; in force at the next start.',
-              choices=(8, 16)),
-    Parameter('background', True, 'Whether colours count less that the first surroundings share; '
-              'in force at the next start, and as printed they never do.'),
-    Parameter('learning', 0.0, 'How fast the colours follow a target that is seen well.',
-              0.0, 1.0),
-    Parameter('as_printed', False, 'No weights for the background, and the bandwidth matrix by '
-              'eq. 11 to the letter; in force at the next start.'),
+    Parameter('rejected', 0.5, 'Similarity threshold r: at r or below, the target counts as '
+              'hidden and is searched for.', 0.0, 1.0),
+    Parameter('growth', 0.1, 'Largest relative change of an axis per frame; 0: none.', 0.0, 0.5),
+    Parameter('levels', 16, 'Levels per colour channel. Takes effect with the next target or '
+              '~/reinit.', choices=(8, 16)),
+    Parameter('background', True, 'Reduce the weight of colours that also surround the target; '
+              'off with as_printed. Takes effect with the next target or ~/reinit.'),
+    Parameter('learning', 0.0, 'Learning rate of colours at high similarity; 0: none.', 0.0, 1.0),
+    Parameter('as_printed', False, 'No weights for the background, and the bandwidth matrix of '
+              'eq. 11 as printed. Takes effect with the next target or ~/reinit.'),
 ])
 
 

@@ -41,14 +41,18 @@ class GreyReplica(BoxParticleFilter):
     NAME = 'gmpf_paper'
     SUMMARY = 'grey-prediction particle filter (GMPF) of Zhu et al. 2012'
     PARAMETERS = BOX_PARAMETERS + WEIGHTING + ParameterTable([
-        Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
-                  unit='frames'),
-        Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws; '
-                  'as printed none.', 0.0, 0.9),
-        Parameter('floor', 1.0, "How much of the process noise is added to the proposal's "
-                  'covariance; eq. 17 has none.', 0.0, 100.0),
-        Parameter('as_printed', False, 'Forecast every component by the raw formula and draw '
-                  'with the spread of eq. 17, no prior; in force at the next start.'),
+        Parameter('window', 5, 'Number m of past estimates that the grey model is fitted to.', 4,
+                  20, unit='frames'),
+        Parameter('prior_share', 0.3, 'Fraction of the particles that are drawn from the '
+                  'transition prior instead of the grey forecast; ignored with as_printed.',
+                  0.0, 0.9),
+        Parameter('floor', 1.0, "Multiple of the motion model's process noise that is added to "
+                  "the proposal's covariance; 0 in the paper (eq. 17). A larger value spreads "
+                  'the particles wider.', 0.0, 100.0),
+        Parameter('as_printed', False, 'Run the method as printed: every component of the state '
+                  'is forecast by the printed grey formula, the covariance is that of eq. 17 '
+                  '(plus floor), and no particles are drawn from the transition prior. Takes '
+                  'effect with the next target or ~/reinit.'),
     ])
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:

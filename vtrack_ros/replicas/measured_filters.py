@@ -15,10 +15,11 @@ from vtrack_ros.replicas.cues import FusionRule, normalised_masses
 _QUADRATURE = ParameterTable([
     *(replace(BOX_PARAMETERS[name], default=default) for name, default in (
         ('cues', 'colour+motion_edge'), ('kernel', 'epanechnikov'), ('threshold', 0.5))),
-    Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
-    Parameter('as_printed', False, 'Weights with prior over proposal, a covariance that each '
-              'particle keeps, and evidence normalised by its sum (fusion dempster_shafer); in '
-              'force at the next start.'),
+    Parameter('order', 3, 'Number of Gauss-Hermite points per dimension; more take more time per '
+              'frame.', 2, 7),
+    Parameter('as_printed', False, 'Run the method as printed: weighting full, a covariance that '
+              'each particle keeps from frame to frame, and fusion normalised in place of '
+              'dempster_shafer. Takes effect with the next target or ~/reinit.'),
 ])
 
 
@@ -38,8 +39,9 @@ class MeasuredParticleFilter(BoxParticleFilter):
     """
 
     PARAMETERS = BOX_PARAMETERS + WEIGHTING + ParameterTable([
-        Parameter('as_printed', False, 'Weights with prior over proposal, and a covariance that '
-                  'each particle keeps; in force at the next start.')])
+        Parameter('as_printed', False, 'Run the method as printed: weighting full, and a '
+                  'covariance that each particle keeps from frame to frame. Takes effect with '
+                  'the next target or ~/reinit.')])
     _measures = True
 
     @abstractmethod

@@ -20,8 +20,8 @@ LONGEST_SILENCE = 1.0
 #: Size of Fast DDS's shared-memory segment without our profile, in bytes.
 SHARED_MEMORY = 512 * 1024
 #: The advice where large images are lost on the way.
-_PROFILE_ADVICE = ('lost before they came here: use the Fast DDS profile config/fastdds.xml on '
-                   'both sides')
+_PROFILE_ADVICE = ('lost before they reached this node: use the Fast DDS profile '
+                   'config/fastdds.xml in the publisher and the node')
 
 _LEVELS = {
     TrackState.TRACKING: DiagnosticStatus.OK,
@@ -89,7 +89,7 @@ class Diagnostics:
                                          self.images.publishers, self.images.topic)
             if text.endswith(_PROFILE_ADVICE):
                 # In the log as well: few people read diagnostics while all seems to work.
-                self._node.get_logger().warning(f'{text} (said once)', once=True)
+                self._node.get_logger().warning(f'{text} (logged once)', once=True)
             values['reliability'] = self.images.reliability
             values['lost by the middleware'] = str(self.images.lost)
             values['QoS mismatches'] = '; '.join(faults) or 'none'
@@ -150,7 +150,7 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
     if faults:
         return 2, faults[0], values
     if not publishers:
-        return 1, f'nobody publishes {topic}', values
+        return 1, f'no node publishes {topic}', values
     if malformed:
         return 1, (f'{malformed} of the last {received + malformed} images were malformed: '
                    f'{flow.fault}'), values
@@ -170,7 +170,7 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
         elif flow.largest > SHARED_MEMORY // 2:
             reason = _PROFILE_ADVICE
         else:
-            reason = 'never sent, or lost before they came here'
+            reason = 'not sent, or lost before they reached this node'
         return 1, (f'{missing} of the last {received + missing} frames are missing, '
                    f'{reason}'), values
     return 0, f'{rate:.1f} Hz', values

@@ -16,13 +16,13 @@ _SIGNALS = ending_signals()
 HELP = """\
 usage: tracker [--ros-args [-r FROM:=TO]... [-p NAME:=VALUE]... [--params-file FILE]]
 
-Follows a target in sensor_msgs/Image and says where it is. Point at it with -p init_box:="[x, y,
-width, height]" in pixels of the first image, or on ~/init_roi, ~/init or ~/init_point
-while the node runs.
+Tracks a target in the images of a topic and publishes its position. Select the target with
+-p init_box:="[x, y, width, height]", in pixels of the first image, or while the node is running on
+~/init_roi, ~/init or ~/init_point.
 
   tracker --ros-args -r image:=/camera/image_raw -p init_box:="[300, 200, 60, 80]"
 
-docs/node.md describes the topics, docs/parameters.md the parameters."""
+See docs/node.md for the topics and docs/parameters.md for the parameters."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -57,8 +57,8 @@ def _run(module: str, node: str, arguments: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         return 0
     except ModuleNotFoundError as error:
-        print(f'tracker: there is no Python package {error.name}: source a ROS 2 installation, as '
-              'by "source /opt/ros/jazzy/setup.bash", or install vtrack_ros[ros] with pip',
+        print(f'tracker: the Python package {error.name} is missing: source a ROS 2 installation '
+              '("source /opt/ros/jazzy/setup.bash"), or install vtrack_ros[ros] with pip',
               file=sys.stderr)
         return 2
 
@@ -151,7 +151,7 @@ def _explained(text: str) -> str:
         return (f'unknown ROS arguments {text}; valid are -r FROM:=TO, -p NAME:=VALUE, '
                 '--params-file FILE and --log-level LEVEL, and --help after a --')
     if 'Sequence should be of same type' in text:
-        text += ('; write all numbers of a list in one form, as in '
+        text += ('; write all numbers of a list with a decimal point, as in '
                  'init_box: [300.0, 200.0, 60.0, 80.0]')
     return text
 

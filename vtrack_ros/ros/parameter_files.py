@@ -17,8 +17,8 @@ _HEAD = """\
 #
 # ros2 run vtrack_ros tracker --ros-args --params-file {name}.yaml
 #
-# With their defaults; what is left out keeps its own. Several files may be given, each behind its
-# own --params-file.{note}
+# All values are the defaults; a parameter that is left out keeps its default. Several files may be
+# given, each with its own --params-file.{note}
 
 /**:
   ros__parameters:
@@ -26,17 +26,17 @@ _HEAD = """\
 _PAGE = """\
 # Parameters
 
-Every parameter of the node, its trackers' own ones included. All but those marked *fixed* may
-change while the node runs, and act on the next frame; a few say that they act at the next start,
-which is that of the next target, or at once with the service `~/reinit`. A wrong value is refused
-with the reason and the valid range, and nothing changes.
+All parameters of the node and of its trackers. Those marked *fixed* are read when the node starts.
+All others can be changed while it runs and take effect with the next image, unless the description
+says that they take effect with the next target; the service `~/reinit` applies those at once. A
+wrong value is refused with the reason and the valid range, and nothing changes.
 
     ros2 param set /tracker gmpf.particles 300
     ros2 param describe /tracker gmpf.particles
 
-`config/node.yaml` holds the node's own parameters, `config/gmpf.yaml` and its like choose a
-tracker and hold its parameters. This page and those files are made from the tables in the code by
-`python -m vtrack_ros.ros.parameter_files`.
+`config/node.yaml` contains the node's own parameters; `config/gmpf.yaml` and the like select a
+tracker and contain its parameters. This page and those files are generated from the tables in the
+code by `python -m vtrack_ros.ros.parameter_files`.
 """
 #: The trackers that get a file: without OpenCV's, the papers' and those of other packages.
 _PRODUCT = tracker_names(replicas=False, installed=False)
@@ -53,7 +53,7 @@ def files() -> dict[str, str]:
 
 def _node_yaml() -> str:
     text = _HEAD.format(title="The node's own parameters.", name='node',
-                        note=' Those marked "fixed" are read once.')
+                        note=' Those marked "fixed" are read at the start.')
     rows = [row for name, row in NODE_PARAMETERS.items() if name != 'tracker']
     lines = [*_entries(rows, 4), *_comment(INIT_BOX_DESCRIPTION, 4),
              f'    # {INIT_BOX}: [100.0, 200.0, 60.0, 60.0]']
@@ -102,7 +102,7 @@ def _page() -> str:
         lines += [f'- `{name}`: {tracker_class(name).SUMMARY}' for name in trackers]
         example = next(f'{name}.{row}' for name in trackers
                        for row in tracker_class(name).PARAMETERS)
-        lines += ['', f'Behind the name of each of the trackers, as in `{example}`:', '', *_TABLE]
+        lines += ['', f"Prefix each name with the tracker's, as in `{example}`:", '', *_TABLE]
         owners: dict[Parameter, list[str]] = {}
         for name in trackers:
             for row in tracker_class(name).PARAMETERS.values():

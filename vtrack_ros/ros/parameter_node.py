@@ -19,46 +19,56 @@ from vtrack_ros.trackers import tracker_class, tracker_names
 #: The only parameter that isn't a scalar, and so isn't in the table.
 INIT_BOX = 'init_box'
 INIT_BOX_DESCRIPTION = (
-    'The target on the first frame of the stream: x, y, width, height in pixels of the image. '
-    'Empty: wait for a selection.')
+    'Box of the target in the first image of every stream, and in the next image after a change: '
+    '[x, y, width, height] in pixels, x and y of its upper left corner. Empty: wait for a '
+    'selection.')
 #: The warning about `qos_overrides` parameters, which this node doesn't apply.
-_QUALITY = ('inputs take what their publisher offers, and the newest message alone; the images '
-            "have the parameter 'reliability'")
+_QUALITY = ('each subscription adopts the reliability of its publisher and keeps only the newest '
+            "message; for images use the parameter 'reliability'")
 
 #: The node's own parameters. Those of each tracker are added, with its name as their prefix.
 NODE_PARAMETERS = ParameterTable([
-    Parameter('tracker', 'gmpf', 'The tracker; changing it keeps the target.',
+    Parameter('tracker', 'gmpf', 'Name of the tracker; a new tracker continues with the target.',
               choices=tracker_names()),
-    Parameter('seed', 0, 'Seed of the random numbers, used from the next start on; the same '
-              'images and seed give the same output.', 0, 2**31 - 1),
-    Parameter('image_transport', 'raw', 'How images arrive: raw on image, or compressed on '
-              'image/compressed.', choices=('raw', 'compressed'), dynamic=False),
-    Parameter('reliability', 'auto', 'Reliability of the image subscription; auto takes what the '
-              'publisher offers.', choices=('auto', 'reliable', 'best_effort'), dynamic=False),
-    Parameter('history_seconds', 2.0, 'How far back a stamped selection may reach.', 0.0, 30.0,
-              's'),
-    Parameter('history_megabytes', 16.0, 'How much memory the frames kept for selections may '
-              'take.', 0.0, 1024.0, 'MB'),
-    Parameter('init_from_detections', False, 'Take the best detection of ~/init_detections as '
-              'target when there is none, or when it is lost.'),
-    Parameter('init_class', '', 'The class of detections to start on; empty: any.'),
-    Parameter('init_score', 0.5, 'The least score of a detection to start on.', 0.0, 1.0),
-    Parameter('click_size', 0.0, 'Side of the square that a point on ~/init_point stands for; '
-              "0: the target's extent is found about it.", 0.0, 10000.0, 'px'),
-    Parameter('pose_units', 'auto', 'Units of the pose; auto: metres when a size of the target '
-              'and camera_info are known, a ray at depth 1 with camera_info alone, else pixels.',
-              choices=('auto', 'pixels', 'ray', 'metres')),
-    Parameter('target_width', 0.0, "The target's real width; 0: unknown.", 0.0, 1000.0, 'm'),
-    Parameter('target_height', 0.0, "The target's real height, used when the width is unknown; "
-              '0: unknown.', 0.0, 1000.0, 'm'),
-    Parameter('target_frame', '', 'Child frame of a transform to the target, sent on /tf while '
-              'the pose is in metres; empty: none.'),
-    Parameter('predict_to_now', False, 'Publish pose, twist and transform not as they were in the '
-              'image but as they are expected to be now, stamped so; their covariance grows.'),
-    Parameter('state_file', '', 'File in which the target is saved, so that the node goes on with '
-              'it after it was killed; empty: none.', dynamic=False),
-    Parameter('state_seconds', 30.0, 'How old a target of state_file may be when images come.',
-              0.0, 86400.0, 's'),
+    Parameter('seed', 0, 'Seed of the random number generator; the same images and seed give the '
+              'same output. A change takes effect with the next target, ~/reinit or change of '
+              'tracker.', 0, 2**31 - 1),
+    Parameter('image_transport', 'raw', 'Subscribe to raw images on image, or to compressed '
+              'images on image/compressed.', choices=('raw', 'compressed'), dynamic=False),
+    Parameter('reliability', 'auto', 'Reliability (QoS) of the image subscription; auto adopts '
+              'that of the publisher.', choices=('auto', 'reliable', 'best_effort'),
+              dynamic=False),
+    Parameter('history_seconds', 2.0, 'How long images are kept, so that a selection with an '
+              'older stamp is applied to the image that it was made on. A larger value accepts '
+              'older selections.', 0.0, 30.0, 's'),
+    Parameter('history_megabytes', 16.0, 'Maximum memory for the images that are kept for '
+              'selections; beyond it the oldest are dropped.', 0.0, 1024.0, 'MB'),
+    Parameter('init_from_detections', False, 'Start on the detection with the highest score on '
+              '~/init_detections while there is no target, or the target is lost.'),
+    Parameter('init_class', '', 'Class of the detections that init_from_detections uses; empty: '
+              'any class.'),
+    Parameter('init_score', 0.5, 'Minimum score of a detection that init_from_detections uses.',
+              0.0, 1.0),
+    Parameter('click_size', 0.0, 'Side of the square box around a point from ~/init_point; 0: '
+              'the box is estimated from the image around the point.', 0.0, 10000.0, 'px'),
+    Parameter('pose_units', 'auto', 'Units of pose and twist. pixels: position in the image; ray: '
+              'point at depth 1 on the line of sight, needs camera_info; metres: needs '
+              'camera_info and target_width or target_height; auto: metres if possible, else '
+              'ray, else pixels.', choices=('auto', 'pixels', 'ray', 'metres')),
+    Parameter('target_width', 0.0, 'Real width of the target, from which its distance is '
+              'computed; 0: unknown.', 0.0, 1000.0, 'm'),
+    Parameter('target_height', 0.0, 'Real height of the target, used if target_width is 0; 0: '
+              'unknown.', 0.0, 1000.0, 'm'),
+    Parameter('target_frame', '', "Child frame of the transform from the image's frame to the "
+              'target, which is sent on /tf while the pose is in metres; empty: no transform.'),
+    Parameter('predict_to_now', False, 'Predict pose, twist and transform from the stamp of the '
+              'image to the current time, by at most 0.5 s, and stamp them with it. Their '
+              'covariance grows with the time predicted.'),
+    Parameter('state_file', '', 'File in which the target is saved every second, so that a '
+              'restarted node continues with it; empty: the target is not saved.',
+              dynamic=False),
+    Parameter('state_seconds', 30.0, 'Maximum age of the target in state_file when the first '
+              'image arrives; an older one is not restored.', 0.0, 86400.0, 's'),
 ])
 
 
@@ -154,7 +164,7 @@ class ParameterNode(Node):
         # valid, but static typing would accept only one of them.
         self.declare_parameter(INIT_BOX, [], ParameterDescriptor(
             name=INIT_BOX, description=INIT_BOX_DESCRIPTION, dynamic_typing=True,
-            additional_constraints='valid: 4 finite numbers, width and height positive; or none'))
+            additional_constraints='valid: 4 finite numbers, width and height positive; or []'))
         if self.get_parameter(INIT_BOX).value is None:
             # ROS gives None for [], whose element type it can't infer.
             super().set_parameters([RosParameter(INIT_BOX, value=[])])

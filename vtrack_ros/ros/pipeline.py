@@ -56,7 +56,7 @@ class Pipeline:
         self._state_name = 'inactive'
         types, log = MessageTypes(), NodeLog(node)
         with_vision = installed(
-            'vision_msgs', 'there are no boxes, and targets come by ~/init_roi or init_box', node)
+            'vision_msgs', 'no boxes are published, and ~/init is not available', node)
         settings = node.settings
         self._history = FrameHistory(
             settings.number('history_seconds'), settings.number('history_megabytes'))
@@ -157,15 +157,15 @@ class Pipeline:
         if arrival is Arrival.NEXT:
             return True
         if arrival is Arrival.LATE:
-            self._log.warning('image dropped: its stamp is before, or far ahead of, that of the '
-                              'one before it',
+            self._log.warning('image dropped: its stamp is before, or far after, the stamp of the '
+                              'previous image',
                               throttle_duration_sec=QUIET)
             return False
         again = arrival is Arrival.BEGINNING
         kept = self._target.estimate is None or again and self._target.init_box is not None
-        self._log.warning('the stamps went backwards: ' + (
-            'another stream begins' if again else 'their clock was set back') + (
-            '' if kept else '; the target is forgotten, point it out again'))
+        self._log.warning('the image stamps went backwards: ' + (
+            'a new stream begins' if again else 'the clock was set back') + (
+            '' if kept else '; the target is forgotten, select it again'))
         self._history.clear()
         self._target.begin_stream(from_init_box=again)
         return True
@@ -188,7 +188,7 @@ class Pipeline:
         if name == self._state_name:
             return
         before, self._state_name = self._state_name, name
-        text = f'{self._session.tracker}: {name}, after {before}'
+        text = f'{self._session.tracker}: {name} (was {before})'
         if name in ('searching', 'lost'):
             self._log.warning(text)
         else:

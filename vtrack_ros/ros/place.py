@@ -60,7 +60,7 @@ class Place:
         self.units = position.units
         if position.units != self._told_units:
             before, self._told_units = self._told_units, position.units
-            self._log.info(f'pose units: {position.units}' + (before and f', after {before}'))
+            self._log.info(f'pose units: {position.units}' + (before and f' (was {before})'))
         self._publishers.publish_pose(header, position, estimate.angle)
 
         def velocity() -> Velocity | None:
@@ -93,8 +93,8 @@ class Place:
             return poses.header(self._types, now, header.frame_id), age
         self._log.warning(
             f'predict_to_now: the image is stamped {abs(age):.3f} s '
-            f'{"before" if age > 0 else "after"} the node\'s time, and a pose is only predicted '
-            f'from 0 to {LONGEST_FORECAST:g} s: it is published as it was in the image',
+            f'{"before" if age > 0 else "after"} the node\'s current time, but poses are '
+            f'predicted by 0 to {LONGEST_FORECAST:g} s only: published without prediction',
             throttle_duration_sec=QUIET)
         return header, 0.0
 
@@ -104,8 +104,8 @@ class Place:
         height, width = frame.shape[:2]
         if camera is not None and (camera.width, camera.height) != (width, height):
             self._log.warning(
-                f'camera_info is for {camera.width} x {camera.height}, but the image is '
-                f'{width} x {height}: it is not used', throttle_duration_sec=QUIET)
+                f'camera_info is not used: it is for {camera.width} x {camera.height}, but the '
+                f'image is {width} x {height}', throttle_duration_sec=QUIET)
             camera = None
         return camera
 
@@ -117,7 +117,7 @@ class Place:
 
     def _tell_of_no_pose(self) -> None:
         units = self._node.settings.text('pose_units')
-        needed = 'camera_info of the image, a box within the reach of its lens model'
+        needed = 'camera_info of the image, a box within the range of its distortion model'
         if units == 'metres':
             needed += ', and target_width or target_height'
         self._log.warning(f'no pose: pose_units {units} needs {needed}',

@@ -163,8 +163,8 @@ class Publishers:
             policy = qos_policy_name_from_kind(event.last_policy_kind)
             name = self._node.resolve_topic_name(topic)
             self._faults[name] = (
-                f'{name}: a subscriber asked for a {policy} that is not offered (QoS mismatch): '
-                'nothing will be sent to it; subscribe reliable or best_effort, and volatile')
+                f'{name}: a subscriber requests a {policy} that is not offered (QoS mismatch): '
+                'it receives nothing; subscribe with reliable or best_effort, and volatile')
             self._node.get_logger().error(self._faults[name])
         publisher = self._node.create_publisher(
             kind, topic, OFFERED,

@@ -75,7 +75,7 @@ class Input:
         several = self.publishers > 1
         if several and not self._several:
             self._node.get_logger().warning(
-                f'{self.topic} has {self.publishers} publishers: their images are taken as one '
+                f'{self.topic} has {self.publishers} publishers: their images are treated as one '
                 'stream; remap all but one')
         self._several = several
 
@@ -87,11 +87,11 @@ class Input:
         known = offer.node_name != _UNKNOWN_NODE
         whose = f'{self.topic}: a publisher' + (f' of node {offer.node_name!r}' if known else '')
         if offer.topic_type != self._type:
-            return (f'{whose} sends {offer.topic_type}, not {self._type}: nothing will come '
-                    'from it; remap the topic, or set image_transport')
+            return (f'{whose} sends {offer.topic_type}, not {self._type}: nothing is '
+                    'received from it; remap the topic, or set image_transport')
         if _best_effort(offer) and self._policy == ReliabilityPolicy.RELIABLE:
             return (f'{whose} offers best_effort, but reliability is {self._choice!r} (QoS '
-                    'mismatch): nothing will come from it; set reliability to auto or '
+                    'mismatch): nothing is received from it; set reliability to auto or '
                     'best_effort')
         return ''
 

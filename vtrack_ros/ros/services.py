@@ -57,13 +57,13 @@ class Services:
     def invitation(self) -> str:
         """Say how to select a target, or that `init_box` does so, or that there is one already."""
         if self._target.estimate is not None:
-            return 'the target of before is kept'
+            return 'tracking of the target continues'
         if self._node.init_box is not None:
-            return 'the target is init_box, on the first of them'
+            return 'tracking starts on init_box in the first image'
         topics = ' or '.join(one.topic for one in self._inputs)
         name = self._node.get_fully_qualified_name()
         page = 'vtrack select' + ('' if name == '/tracker' else f' {name}')
-        return (f'point out the target while they come, in the browser by {page} or on {topics}, '
+        return (f'select the target while images arrive: in the browser ({page}), on {topics}, '
                 'or with the parameter init_box')
 
     def listen_to_detector(self, on: bool) -> None:
@@ -115,25 +115,25 @@ class Services:
         self.paused = not request.data
         self._changed()
         response.success = True
-        response.message = 'paused; the target is kept' if self.paused else 'tracking is on'
+        response.message = 'paused; the target is kept' if self.paused else 'tracking is enabled'
         return response
 
     def _on_reinit(self, _: Any, response: Any) -> Any:
         response.success = self._node.session.restart() is not None
         self._changed()
-        response.message = ('started again on the last good box' if response.success else
-                            'there is no target to start again on; select one')
+        response.message = ('restarted on the last measured box' if response.success else
+                            'there is no target to restart on; select one')
         return response
 
     def _on_resize(self, larger: bool, _: Any, response: Any) -> Any:
         try:
             response.success = self._node.session.resize(larger) is not None
         except ValueError as error:
-            response.success, response.message = False, f'the box is kept: {error}'
+            response.success, response.message = False, f'the box is unchanged: {error}'
             return response
         seen = self._node.session.last_measurement
         self._changed()
         response.message = (
-            f'started again on {seen.box.width:.0f} x {seen.box.height:.0f} px' if seen else
+            f'restarted on a box of {seen.box.width:.0f} x {seen.box.height:.0f} px' if seen else
             'there is no target yet; select one')
         return response

@@ -99,25 +99,25 @@ class StateFile:
         try:
             if not path.exists():
                 if not path.parent.is_dir():
-                    raise FileNotFoundError(f'there is no folder {path.parent}')
+                    raise FileNotFoundError(f'the folder {path.parent} does not exist')
                 return
             if not path.is_file():
                 raise OSError('it is not a file')
             with open(path, 'rb') as file:
                 data = file.read(LARGEST + 1)
         except OSError as error:
-            self._refuse(f'{error}; the target is not saved')
+            self._refuse(f'{error}; the target will not be saved')
             self._path = None
             return
         if data.strip(b'\0') and not data.startswith(MARK.encode()):
-            self._refuse('it holds something else than a target, and is left alone; the target '
-                         'is not saved')
+            self._refuse('it does not contain a saved target, and is left unchanged; the target '
+                         'will not be saved')
             self._path = None
             return
         try:
             saved = SavedTarget.parsed(data.decode() if len(data) <= LARGEST else '')
             if saved.node != self._node.get_fully_qualified_name():
-                raise ValueError(f'it is that of the node {saved.node}')
+                raise ValueError(f'it belongs to the node {saved.node}')
         except ValueError as error:
             self._refuse(f'it is damaged, or not for this node: {error}')
             return

@@ -88,7 +88,7 @@ class _Listener:
         readers = node.get_subscriptions_info_by_topic(topic)
         self._subscribers = tuple(sorted({_name(one) for one in readers}))
         self._mismatches = tuple(sorted(
-            f'{_name(reader)} gets nothing from {_name(offer)}: {reason}'
+            f'{_name(reader)} receives nothing from {_name(offer)}: {reason}'
             for reader in readers for offer in offers
             if (reason := _mismatch(offer, reader))))
         policy = (ReliabilityPolicy.RELIABLE if self._reliable else
@@ -132,6 +132,6 @@ def _name(one: Any) -> str:
 
 def _mismatch(offer: Any, reader: Any) -> str:
     if offer.topic_type != reader.topic_type:
-        return f'it sends {offer.topic_type}, not {reader.topic_type}'
+        return f'it publishes {offer.topic_type}, not {reader.topic_type}'
     compatibility, reason = qos_check_compatible(offer.qos_profile, reader.qos_profile)
     return str(reason) if compatibility == QoSCompatibility.ERROR else ''

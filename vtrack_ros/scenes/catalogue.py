@@ -33,29 +33,29 @@ class SceneInfo:
 
 
 _SCENES = (
-    SceneInfo('face_fast', 'A face darts to the right and quickly back, twice.',
+    SceneInfo('face_fast', 'A face moves quickly to the right and back, twice.',
               128, 96, 50, faces.face_fast),
-    SceneInfo('football', 'Players dressed alike; the target is covered in frames 53-84, and the '
-              'light goes from frame 85 on.', 400, 240, 150, people.football),
-    SceneInfo('similar_occlusion', 'A walker is covered by somebody dressed alike from frame 99 '
-              'on.', 384, 288, 170, people.similar_occlusion),
+    SceneInfo('football', 'Players dressed alike; the target is occluded in frames 53-84, and in '
+              'the shade from frame 85 on.', 400, 240, 150, people.football),
+    SceneInfo('similar_occlusion', 'A walker is occluded by somebody dressed alike from frame '
+              '99 on.', 384, 288, 170, people.similar_occlusion),
     SceneInfo('pose_change', 'A face turns to the side and up in frames 53-62, and back later.',
               256, 192, 130, faces.pose_change),
-    SceneInfo('scale_change', 'A walker comes near, turns round and goes away.',
+    SceneInfo('scale_change', 'A walker approaches, turns round and goes away.',
               320, 240, 160, people.scale_change),
-    SceneInfo('light_change', 'A face under lights that go out, change colour and flicker.',
+    SceneInfo('light_change', 'A face under light that goes out, changes colour and flickers.',
               320, 240, 130, faces.light_change),
-    SceneInfo('light_step', 'A face whose light falls by half in frames 55-58; somebody covers a '
-              'part of it later.', 320, 240, 130, faces.light_step),
+    SceneInfo('light_step', 'A face; the light falls by half in frames 55-58, and somebody '
+              'occludes a part of the face later.', 320, 240, 130, faces.light_step),
     SceneInfo('full_occlusion', 'A walker is hidden by a kiosk for about twenty frames.',
               320, 240, 140, people.full_occlusion),
-    SceneInfo('car_approach', 'A car comes near and grows fourfold, past a lamp post, among its '
-              'likes.', 384, 288, 200, traffic.car_approach),
-    SceneInfo('helicopter', 'A helicopter over a town, near and far, from all sides, covered '
-              'about frame 281.', 320, 240, 780, traffic.helicopter),
+    SceneInfo('car_approach', 'A car among similar cars approaches, grows fourfold and passes '
+              'behind a lamp post.', 384, 288, 200, traffic.car_approach),
+    SceneInfo('helicopter', 'A helicopter over a town, at changing distances and angles, partly '
+              'occluded about frame 281.', 320, 240, 780, traffic.helicopter),
     SceneInfo('leave_and_return', 'A walker leaves the image and comes back forty frames later.',
               320, 240, 170, people.leave_and_return),
-    SceneInfo('low_light_noise', 'A walker at night, in a noisy camera.',
+    SceneInfo('low_light_noise', 'A walker at night, in noisy images.',
               320, 240, 130, people.low_light_noise),
     SceneInfo('distractor_cross', 'Two walkers dressed alike cross twice.',
               320, 240, 130, people.distractor_cross),

@@ -29,11 +29,11 @@ def guard(token: str) -> Middleware:
         given = request.path.split('/')[1].encode('utf-8', 'surrogateescape')
         if token and not hmac.compare_digest(given, token.encode()):
             raise web.HTTPForbidden(
-                text='The address lacks its token; vtrack select printed the whole one.\n')
+                text='The address lacks its token: open the one that vtrack select printed.\n')
         if not token and not is_loopback(urlsplit(f'//{request.host}').hostname or ''):
-            raise web.HTTPForbidden(text=f'{request.host!r} is not this machine.\n')
+            raise web.HTTPForbidden(text=f'{request.host!r} is not an address of this machine.\n')
         origin = request.headers.get('Origin')
         if origin is not None and urlsplit(origin).netloc != request.host:
-            raise web.HTTPForbidden(text=f'A page of {origin} may not ask this one.\n')
+            raise web.HTTPForbidden(text=f'Requests from pages of {origin} are not allowed.\n')
         return await handler(request)
     return check

@@ -39,8 +39,8 @@ class Viewer:
 
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
     `click` (stamp, x, y), `reset`, `reinit`, `larger`, `smaller`, `enable` (on), `particles` (on),
-    `record` (on) or `set` (name, kind, value). It receives JSON objects whose `kind` is `picture` (the JPEG follows
-    as a binary message), `parameters` or `told` (a line to show).
+    `record` (on) or `set` (name, kind, value). It receives JSON objects whose `kind` is `picture`
+    (the JPEG follows as a binary message), `parameters` or `told` (a line to show).
     """
 
     def __init__(self, socket: web.WebSocketResponse, link: TrackerLink, folder: Path) -> None:
@@ -213,7 +213,7 @@ def _stamp(asked: dict[str, Any]) -> int:
     """Return a picture's stamp, a string since JavaScript's numbers lack the digits."""
     stamp = int(asked['stamp'])
     if not 0 <= stamp < 2**31 * 10**9:
-        raise ValueError(f'stamp {stamp} is none')
+        raise ValueError(f'{stamp} is not a valid stamp')
     return stamp
 
 

@@ -165,7 +165,7 @@ class TrackerLink:
     def _publish(publisher: Any, message: Any) -> None:
         """Publish; TimeoutError without a subscriber: the message would be lost silently."""
         if not publisher.get_subscription_count():
-            raise TimeoutError(f'nobody listens on {publisher.topic_name}')
+            raise TimeoutError(f'no node subscribes to {publisher.topic_name}')
         publisher.publish(message)
 
     def _spin(self) -> None:

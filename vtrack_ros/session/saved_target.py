@@ -98,13 +98,13 @@ class SavedTarget:
                 ValueError) as error:
             raise ValueError(f'{type(error).__name__}: {error}') from None
         if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)) or min(shape) < 1:
-            raise ValueError(f'there is no image of shape {shape}')
+            raise ValueError(f'{shape} is not the shape of an image')
         if not (0 <= left < left + width <= shape[1] and 0 <= top < top + height <= shape[0]):
             raise ValueError('its picture is not inside the image')
         if box.clipped(shape[1], shape[0]) is None:
             raise ValueError('its box is not inside the image')
         if not abs(angle) <= math.tau:
-            raise ValueError(f'a target has not turned by {angle} rad')
+            raise ValueError(f'a rotation of {angle} rad is impossible')
         return cls(node, tracker, (class_id, target_id), time, stamp, interval, frame_id, shape,
                    box, (left, top, width, height), picture, first_box, first_picture, angle)
 
@@ -125,18 +125,18 @@ class SavedTarget:
         """
         age = (now - self.time) / 1e9
         if age > longest:
-            raise ValueError(f'it was saved {age:.0f} s ago, and may be {longest:g} s old')
+            raise ValueError(f'it was saved {age:.0f} s ago, but may be at most {longest:g} s old')
         if age < -1:
-            raise ValueError(f'it is dated {-age:.0f} s in the future')
+            raise ValueError(f'it was saved {-age:.0f} s in the future')
         if frame.shape != self.shape:
             was, now_is = (' x '.join(map(str, (*shape[1::-1], *shape[2:])))
                            for shape in (self.shape, frame.shape))
-            raise ValueError(f'its image is {was}, but the one that came is {now_is}')
+            raise ValueError(f'its image is {was}, but the received image is {now_is}')
         if frame_id != self.frame_id:
-            raise ValueError(f'its image is of {self.frame_id!r}, but the one that came is of '
-                             f'{frame_id!r}')
+            raise ValueError(f'its image has the frame_id {self.frame_id!r}, but the received '
+                             f'image has {frame_id!r}')
         if stamp < self.stamp:
-            raise ValueError('its image is stamped after the one that came: another stream')
+            raise ValueError('its image is newer than the received one: another stream')
 
     def measurement(self) -> LastMeasurement:
         """
@@ -156,8 +156,8 @@ class SavedTarget:
         picture, box = self._decoded(self.first_picture), self.first_box
         if box.clipped(picture.shape[1], picture.shape[0]) is None or min(
                 box.width, box.height) < _SHORTEST_SIDE:
-            raise ValueError(f'its first picture is of {picture.shape[1]} x {picture.shape[0]} '
-                             'pixels, and does not show its first box')
+            raise ValueError(f'its first picture of {picture.shape[1]} x {picture.shape[0]} '
+                             'pixels does not contain its first box')
         return Exemplar(picture, box)
 
     def _decoded(self, picture: bytes) -> Frame:

@@ -111,6 +111,6 @@ class Selector:
         frames = self._history.since(stamp)
         if stamp is not None and abs(frames[0][0] - stamp) > self._history.tolerance:
             raise ValueError(
-                f'the frame of its stamp {seconds(stamp)} s is not there; the nearest one is of '
+                f'there is no frame of its stamp {seconds(stamp)} s; the nearest one has '
                 f'{seconds(frames[0][0])} s: {self._history.instead(stamp)}')
         return selection, frames

@@ -93,9 +93,9 @@ class Target:
         self._selector.pending, self._shape = None, seen.frame.shape
         self.identity = saved.identity
         box, before = seen.bound, saved.tracker
-        tracker = self._session.tracker + (f' after {before}' if before != self._session.tracker
+        tracker = self._session.tracker + (f' (was {before})' if before != self._session.tracker
                                            else '')
-        self._log.info(f'{source}: {tracker} goes on with the target that was at ({box.x:g}, '
+        self._log.info(f'{source}: {tracker} continues with the target at ({box.x:g}, '
                        f'{box.y:g}) of {box.width:g} x {box.height:g} px')
         return True
 

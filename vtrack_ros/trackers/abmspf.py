@@ -43,8 +43,9 @@ class MeanShiftParticleFilter(LocalisedTracker):
     NAME = 'abmspf'
     SUMMARY = 'adaptive-bandwidth mean shift with particles (ABMSPF)'
     PARAMETERS = ParameterTable([
-        Parameter('rejected', 0.5, 'Similarity r below which the target counts as hidden.', 0.0,
-                  1.0),
+        Parameter('rejected', 0.5, "Similarity threshold r: if mean shift's result is not more "
+                  "similar than r, the best particle's is used without comparing the two.",
+                  0.0, 1.0),
     ]) + MEAN_SHIFT_PARTICLES + LOCALISER
 
     def _configure(self) -> None:

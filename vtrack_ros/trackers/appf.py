@@ -48,10 +48,11 @@ class AffineParticleFilter(LocalisedTracker):
     NAME = 'appf'
     SUMMARY = 'affine-group particle filter with an appearance subspace (APPF)'
     PARAMETERS = AFFINE + ParameterTable([
-        Parameter('temperature', 0.1, 'Share of the usual response that makes a factor of e in '
-                  'the likelihood.', 0.01, 1.0),
-        Parameter('response_share', 0.3, 'Share of the particles that are moved to where the '
-                  'target is found.', 0.0, 1.0),
+        Parameter('temperature', 0.1, 'Temperature of the likelihood exp(response / (temperature '
+                  '* r)), where r is the running mean of the response at the target. A larger '
+                  'value weights the particles more equally.', 0.01, 1.0),
+        Parameter('response_share', 0.3, 'Fraction of the particles that are shifted to the '
+                  'position found by the localiser.', 0.0, 1.0),
     ]) + AFFINE_GROUP + LOCALISER
 
     def _configure(self) -> None:

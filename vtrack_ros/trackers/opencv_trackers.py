@@ -42,7 +42,7 @@ class OpenCVTracker(Tracker):
     def _prepare(self, values: dict[str, Value]) -> None:
         if not self.available():
             raise ValueError(f'{self.NAME} needs an OpenCV with {self.NEEDS}; '
-                             f'the installed {cv2.__version__} is without')
+                             f'the installed {cv2.__version__} lacks it')
 
     def _configure(self) -> None:
         """Nothing changes before the next start."""
@@ -150,10 +150,10 @@ class Nano(NetworkTracker):
     OPENCV_NAME = 'TrackerNano'
     NEEDS = 'TrackerNano (4.7 or newer)'
     PARAMETERS = ParameterTable([
-        Parameter('backbone', '', "ONNX file of NanoTrack V2's backbone; in force at the next "
-                  'start.', check=check_backbone),
-        Parameter('head', '', "ONNX file of NanoTrack V2's head; in force at the next start.",
-                  check=check_head),
+        Parameter('backbone', '', "ONNX file of NanoTrack V2's backbone. Takes effect with the "
+                  'next target or ~/reinit.', check=check_backbone),
+        Parameter('head', '', "ONNX file of NanoTrack V2's head. Takes effect with the next "
+                  'target or ~/reinit.', check=check_head),
     ])
     _FIELDS = {'backbone': 'backbone', 'head': 'neckhead'}
 
@@ -166,8 +166,8 @@ class Vit(NetworkTracker):
     OPENCV_NAME = 'TrackerVit'
     NEEDS = 'TrackerVit (4.9 or newer)'
     PARAMETERS = ParameterTable([
-        Parameter('network', '', "ONNX file of VitTrack's network; in force at the next start.",
-                  check=check_network),
+        Parameter('network', '', "ONNX file of VitTrack's network. Takes effect with the next "
+                  'target or ~/reinit.', check=check_network),
     ])
     _FIELDS = {'network': 'net'}
 

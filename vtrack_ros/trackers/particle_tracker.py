@@ -32,8 +32,9 @@ _MISSED = 0.8
 _START = np.array([0.03, 0.03, 0.05, 0.05])
 
 _SHARED = MOTION + ParameterTable([
-    Parameter('temperature', 0.07, 'Share of the usual response that makes a factor of e in the '
-              'likelihood.', 0.01, 1.0),
+    Parameter('temperature', 0.07, 'Temperature of the likelihood exp(response / (temperature * '
+              'r)), where r is the running mean of the response at the target. A larger value '
+              'weights the particles more equally.', 0.01, 1.0),
 ]) + RESAMPLING + LOCALISER
 
 
@@ -185,12 +186,13 @@ class GreyParticleFilter(ParticleTracker):
     NAME = 'gmpf'
     SUMMARY = 'grey-prediction particle filter (GMPF)'
     PARAMETERS = _SHARED + WEIGHTING + ParameterTable([
-        Parameter('window', 5, 'Length m of the series that the grey model is fitted to.', 4, 20,
-                  unit='frames'),
-        Parameter('prior_share', 0.3, 'Share of the particles that the transition prior draws; '
-                  'the paper has none.', 0.0, 0.9),
-        Parameter('floor', 1.0, "How much of the process noise is added to the proposal's "
-                  'covariance.', 0.001, 100.0),
+        Parameter('window', 5, 'Number m of past estimates that the grey model is fitted to.', 4,
+                  20, unit='frames'),
+        Parameter('prior_share', 0.3, 'Fraction of the particles that are drawn from the '
+                  'transition prior instead of the grey forecast; 0 in the paper.', 0.0, 0.9),
+        Parameter('floor', 1.0, 'Covariance of the noise added to the particles at the grey '
+                  "forecast, as a multiple of the motion model's process noise. A larger value "
+                  'spreads them wider.', 0.001, 100.0),
     ])
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:
@@ -212,9 +214,10 @@ class PrunedQuadratureParticleFilter(ParticleTracker):
     NAME = 'pqkpf'
     SUMMARY = 'pruned quadrature Kalman particle filter (P-QKPF)'
     PARAMETERS = _SHARED + WEIGHTING + ParameterTable([
-        Parameter('order', 3, 'Gauss-Hermite points in each dimension.', 2, 7),
+        Parameter('order', 3, 'Number of Gauss-Hermite points per dimension; more take more time '
+                  'per frame.', 2, 7),
         Parameter('threshold', 0.5, 'Resample when the effective sample size falls below this '
-                  'share of the particles.', 0.0, 1.0),
+                  'fraction of the number of particles; 0: never.', 0.0, 1.0),
     ])
 
     def _proposal(self, model: ConstantVelocity) -> Proposal:

@@ -79,7 +79,7 @@ def _installed() -> dict[str, type[Tracker]]:
             _check(entry.name, cls)
         # Whatever error another package's module raises, the other trackers must stay available.
         except Exception as error:  # noqa: B902
-            warnings.warn(f'tracker {entry.name!r} of {entry.value} is left out: '
+            warnings.warn(f'tracker {entry.name!r} of {entry.value} is ignored: '
                           f'{type(error).__name__}: {error}', RuntimeWarning, stacklevel=1)
         else:
             found[entry.name] = cls
@@ -89,7 +89,7 @@ def _installed() -> dict[str, type[Tracker]]:
 def _check(name: str, cls: Any) -> None:
     """Raise TypeError or ValueError if an entry point's value isn't a tracker of that name."""
     if not (isinstance(cls, type) and issubclass(cls, Tracker)) or inspect.isabstract(cls):
-        raise TypeError('it is no subclass of vtrack_ros.tracker.Tracker with all its methods')
+        raise TypeError('it is not a subclass of vtrack_ros.tracker.Tracker with all its methods')
     if getattr(cls, 'NAME', None) != name:
         raise ValueError(f"the class's NAME is {getattr(cls, 'NAME', None)!r}")
     if name in _OWN or not name.isidentifier():
