@@ -31,7 +31,7 @@ FRAMES = 100
 #: Later frames that are clicked on.
 LATER = (10, 25, 40, 60, 80, 120)
 #: Clicks beside the centre: offsets as shares of the true box's (width, height).
-BESIDE = ((-0.15, -0.1), (0.15, 0.1), (0.1, -0.15), (-0.1, 0.15))
+OFFSETS = ((-0.15, -0.1), (0.15, 0.1), (0.1, -0.15), (-0.1, 0.15))
 
 
 #: What makes a box of a frame and a point (x, y) in it; the true box is what a user sees there.
@@ -94,7 +94,7 @@ def scores(sequence: Sequence, find: Method | None) -> list[float]:
         later = [(frames[index], Box(*sequence.truth[index])) for index in LATER
                  if index < len(frames) and np.isfinite(sequence.truth[index]).all()]
         mean = [float(np.mean([clicked(find, frame, box, places) for frame, box in clicks]))
-                for clicks in ([(frames[0], truth)], later) for places in (((0, 0),), BESIDE)]
+                for clicks in ([(frames[0], truth)], later) for places in (((0, 0),), OFFSETS)]
     run = run_tracker(create_tracker('dcf', seed=0), frames[:FRAMES], first)
     auc = success_auc(overlaps(run.boxes, sequence.truth[:FRAMES]))
     return [truth.iou(first), *mean[1:], auc, 1e3 * seconds]

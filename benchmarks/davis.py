@@ -14,7 +14,7 @@ import os
 from pathlib import Path
 import sys
 
-from clicks import BESIDE, clicked, stepwise
+from clicks import clicked, OFFSETS, stepwise
 import cv2
 from localisers import ALONE, by_target, FOLDER, severities, SIAMESE, trackers_with_network
 import numpy as np
@@ -145,7 +145,7 @@ def _stress(under: Results, kinds: list[str]) -> str:
 
 def _clicks(videos: list[FolderSequence]) -> str:
     """Return the section on clicks: overlap of their boxes with the true ones, first frames."""
-    ways = [(stepwise(steps), places) for steps in (0, 1, 2) for places in (((0, 0),), BESIDE)]
+    ways = [(stepwise(steps), places) for steps in (0, 1, 2) for places in (((0, 0),), OFFSETS)]
     found = []
     for one in videos:
         frame = read_image(one.images[0])

@@ -45,7 +45,7 @@ LATER = {'1 to 10': (0, 10), '31 to 40': (30, 40)}
 #: Distance in the list of targets to those whose videos are put in between.
 OTHERS = (7, 11)
 #: Suffix of a tracker's name: without the penalty on a target that was lost for long.
-WITHOUT = ' without its doubt'
+WITHOUT_PENALTY = ' without its doubt'
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def interrupted(sequence: FolderSequence, other: FolderSequence) -> Iterator[Fra
 
 def visit(tracker: str, sequence: FolderSequence, other: FolderSequence) -> Visit:
     """Track a target whose video is interrupted by another one."""
-    name = tracker.removesuffix(WITHOUT)
+    name = tracker.removesuffix(WITHOUT_PENALTY)
     with one_thread(), (patch.object(presence, '_MOST_DOUBT', 0.0)
                         if name != tracker else nullcontext()):
         run = run_tracker(create_tracker(name, seed=0), interrupted(sequence, other),
@@ -108,7 +108,7 @@ def main() -> int:
     parser.add_argument('--sequences', type=Path, default=FOLDER)
     parser.add_argument('--jobs', type=int, default=2)
     parser.add_argument('--trackers',
-                        default=f'gmpf,gmpf{WITHOUT},pqkpf,abmspf,appf,pf,dcf,opencv_csrt')
+                        default=f'gmpf,gmpf{WITHOUT_PENALTY},pqkpf,abmspf,appf,pf,dcf,opencv_csrt')
     arguments = parser.parse_args()
     trackers = arguments.trackers.split(',')
     if any(one.startswith('opencv') for one in trackers) and not needed_peers_found('gone.py'):

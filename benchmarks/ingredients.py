@@ -85,8 +85,8 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
     'measured jumps of the camera': lambda: [patch.object(SparsePicture, 'ground_step', _near)],
     'motion among candidates': lambda: [patch.object(
         ForecastMixture, 'log_density', lambda self, places, *_: np.zeros(len(places)))],
-    'more search windows': lambda: [patch.object(guided_search, '_LOW', -math.inf),
-                                    patch.object(guided_search, '_LONG', math.inf)],
+    'more search windows': lambda: [patch.object(guided_search, '_LOW_RESPONSE', -math.inf),
+                                    patch.object(guided_search, '_LONG_GAP', math.inf)],
     'distractors': lambda: [patch.object(Distractors, 'near', lambda self, *_: [])],
     'the second model': lambda: [
         patch.object(hypotheses, '_PAUSE', math.inf),
@@ -95,7 +95,8 @@ WITHOUT: dict[str, Callable[[], list[Any]]] = {
         patch.object(hypotheses.Hypotheses, 'estimate', _of_leader)],
     'growth by optical flow': lambda: [patch.object(TargetMotion, 'growth', None)],
     'rotation by optical flow': lambda: [patch.object(TargetMotion, 'turn', None)],
-    'check of jumps by optical flow': lambda: [patch.object(guided_search, '_FAR', math.inf)],
+    'check of jumps by optical flow': lambda: [
+        patch.object(guided_search, '_FAR_FROM_EXPECTED', math.inf)],
     'lower bounds of usual response and similarity': lambda: [
         patch.object(localiser, '_FIRST_RESPONSE', 0.0),
         patch.object(localiser, '_FIRST_SIMILARITY', 0.0)],

@@ -39,7 +39,7 @@ def serving(*arguments):
     assert code == 0 and 'Traceback' not in ''.join(output), ''.join(output)
 
 
-class Seen:
+class Viewer:
     """A viewer without a browser."""
 
     def __init__(self, socket):
@@ -84,7 +84,7 @@ async def viewer(address, **arguments):
     """Open the page's WebSocket."""
     async with aiohttp.ClientSession() as session, session.ws_connect(
             f'{address}ws', max_msg_size=0, **arguments) as socket:
-        yield Seen(socket)
+        yield Viewer(socket)
 
 
 async def answer(address, **headers):

@@ -198,7 +198,7 @@ def test_a_turned_window_shows_a_turned_target_upright(angle):
     assert np.abs(seen.astype(int) - upright).max() <= 3
 
 
-def test_a_sparse_part_of_a_small_frame_is_every_so_manieth_pixel():
+def test_a_sparse_part_of_a_small_frame_is_every_tenth_pixel():
     """They are those of the whole frame, to its last row, and no random number is drawn."""
     frame = np.random.default_rng(0).integers(0, 256, (31, 41, 3), np.uint8)
     rng = np.random.default_rng(1)

@@ -61,7 +61,7 @@ def test_points_of_a_line_that_fall_together_do_no_harm(size):
     assert growth(first, second, START, size) == pytest.approx(1.05, abs=0.015)
 
 
-def test_who_only_moves_or_hardly_grows_is_left_as_it_is():
+def test_a_target_that_only_moves_or_hardly_grows_has_no_growth():
     """A growth below 1 % can't be told from noise: it's None, and left to the regression."""
     assert growth(zoomed(1.0), zoomed(1.0, (6.0, 3.0))) is None
     assert growth(zoomed(1.0), zoomed(1.005)) is None
@@ -84,7 +84,7 @@ def test_half_of_a_target_is_enough():
     assert 1.02 < growth(frame, grown) < 1.07
 
 
-def test_who_is_hidden_or_blank_says_nothing():
+def test_a_hidden_or_blank_target_has_no_growth():
     """An absent or blank target, or one that grew by 30 %, gives None, not an arbitrary growth."""
     assert growth(zoomed(1.0), DrawnVideo(seed=5).frame(None)) is None
     blank = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
@@ -112,7 +112,7 @@ def test_how_a_target_turned_is_told_wherever_it_went(turn, shift, angle):
     assert found.step == pytest.approx(shift, abs=0.5)
 
 
-def test_who_does_not_turn_is_left_as_it_is():
+def test_a_target_that_does_not_turn_has_no_rotation():
     """The rotation is None without a turn, for a blank target, and for a turn by 0.7 rad."""
     assert motion(zoomed(1.0), zoomed(1.04, (6.0, 3.0))).turn is None
     blank = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)

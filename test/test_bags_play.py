@@ -213,7 +213,7 @@ def test_the_first_image_is_waited_for(repository):
         listener.wait()
 
 
-def test_who_never_receives_the_first_image_is_named(repository, capfd):
+def test_a_subscriber_that_never_receives_the_first_image_is_named(repository, capfd):
     """A subscriber that hangs delays the player by the given 0.3 s, and a warning says so."""
     hanging = subprocess.Popen([sys.executable, '-c', LATE], stdout=subprocess.DEVNULL)
     try:
@@ -230,7 +230,7 @@ def test_who_never_receives_the_first_image_is_named(repository, capfd):
         hanging.wait()
 
 
-def test_who_was_held_up_keeps_the_pace(repository):
+def test_a_player_that_was_held_up_keeps_the_pace(repository):
     """Overdue images aren't sent in a burst: a subscriber with a queue of 1 would miss some."""
     with Listener() as listener:
         heard = listener.hear(Image, 'image')

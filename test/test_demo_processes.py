@@ -39,9 +39,9 @@ def test_a_crash_at_the_end_is_said(child, capsys):
     assert f'the worker ended with code {-signal.SIGABRT}:\nhere' in error
 
 
-def test_who_does_not_listen_is_killed_and_named(child, capsys, monkeypatch):
+def test_a_process_that_ignores_sigterm_is_killed_and_named(child, capsys, monkeypatch):
     """A child that ignores SIGTERM is killed after a time-out, and reported."""
-    monkeypatch.setattr(processes, 'LAST_WORDS', 0.2)
+    monkeypatch.setattr(processes, 'KILL_TIMEOUT', 0.2)
     deaf = child('signal.signal(signal.SIGTERM, signal.SIG_IGN)\n')
     end_all([deaf])
     assert not deaf.running

@@ -93,5 +93,5 @@ def audited(pinned: list[str], folder: Path) -> list[str]:
         rows = json.loads(run.stdout)['dependencies']
     except ValueError:
         return []
-    return [f'{row["name"]} {row["version"]}: {hole["id"]}, mended in {hole["fix_versions"]}'
+    return [f'{row["name"]} {row["version"]}: {hole["id"]}, fixed in {hole["fix_versions"]}'
             for row in rows for hole in row.get('vulns', ())]

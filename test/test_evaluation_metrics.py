@@ -159,11 +159,11 @@ def test_ellipse_of_hand_made_covariances():
     np.testing.assert_array_equal(inside, [1, 0, 0, math.nan, math.nan])
 
 
-def test_stretches():
+def test_true_runs():
     """Runs of true values are returned as (begin, end), at both ends of the array, too."""
-    assert metrics.stretches(np.array([1, 1, 0, 1, 0, 0, 1], dtype=bool)) == [
+    assert metrics.true_runs(np.array([1, 1, 0, 1, 0, 0, 1], dtype=bool)) == [
         (0, 2), (3, 4), (6, 7)]
-    assert metrics.stretches(np.zeros(3, dtype=bool)) == []
+    assert metrics.true_runs(np.zeros(3, dtype=bool)) == []
 
 
 def test_wrong_tracking():

@@ -58,7 +58,7 @@ def test_the_target_itself_is_no_distractor():
 
 
 @pytest.mark.parametrize('frames, known', [(12, 1), (13, 0), (20, 0)])
-def test_who_is_out_of_sight_for_long_is_forgotten(frames, known):
+def test_a_distractor_that_is_out_of_sight_for_long_is_forgotten(frames, known):
     """A distractor that hasn't been found for more than 12 frames is forgotten."""
     distractors, _ = passing(8, step=1.0)
     for _ in range(frames):

@@ -43,13 +43,13 @@ class Walk:
 @pytest.mark.parametrize('turns', [0, 3])
 @pytest.mark.parametrize('speed', [0.0, 0.3, 2.0])
 @pytest.mark.parametrize('dt', [1, 2])
-def test_who_moves_as_ever_is_believed(turns, speed, dt):
+def test_a_target_that_moves_as_ever_is_believed(turns, speed, dt):
     """At a constant speed, also at rest, the log-odds are 0.3 to 0.5, however the camera turns."""
     assert 0.3 < Walk(turns).go(speed, 60, dt) < 0.5
 
 
 @pytest.mark.parametrize('turns', [0, 3])
-def test_who_comes_to_rest_on_the_ground_is_doubted_for_a_while(turns):
+def test_a_target_that_comes_to_rest_on_the_ground_is_doubted_for_a_while(turns):
     """A stop lowers the log-odds to -1.4 to -1.8; in time they're positive, as it may stop."""
     walk = Walk(turns)
     walk.go(2.0, 40)
@@ -60,7 +60,7 @@ def test_who_comes_to_rest_on_the_ground_is_doubted_for_a_while(turns):
     assert walk.go(0.0, 160) > 0.1
 
 
-def test_who_rests_in_the_picture_of_a_camera_that_turns_moves():
+def test_a_target_at_rest_in_the_picture_of_a_camera_that_turns_moves():
     """A target that the camera follows, at rest in the picture, moves as usual over the ground."""
     walk = Walk(turns=2)
     assert 0.3 < walk.go(2.0, 60) < 0.5
@@ -79,7 +79,7 @@ def test_of_a_target_that_was_just_pointed_out_nothing_is_usual():
     assert walk.go(6.0, 3) == walk.go(0.0, 2) == 0
 
 
-def test_who_is_found_elsewhere_moves_as_usual():
+def test_a_target_found_elsewhere_moves_as_usual():
     """After a restart neither the way to the new place nor the rest before counts."""
     walk = Walk()
     walk.go(2.0, 41)

@@ -48,7 +48,7 @@ def found_after(frames, threshold=0.5):
     return presence
 
 
-def test_who_was_lost_for_long_has_to_be_recognised():
+def test_a_target_that_was_lost_for_long_has_to_be_recognised():
     """Twice as many frames without it halve the odds, for something else may look like it."""
     soon, late = found_after(30), found_after(60)
     assert soon.absent_frames == 0 < late.absent_frames
@@ -63,7 +63,7 @@ def test_the_confidence_is_the_same_whatever_is_enough():
         assert found_after(frames, 0.9).absent_frames >= 10
 
 
-def test_who_is_recognised_after_long_is_there_as_before():
+def test_a_target_that_is_recognised_after_long_is_there_as_before():
     """Strong evidence ends the penalty for the absence; `unseen_frames` never depends on it."""
     presence = found_after(300)
     assert presence.unseen_frames == 0 < presence.absent_frames
@@ -76,7 +76,7 @@ def test_who_is_recognised_after_long_is_there_as_before():
     assert presence.confidence == pytest.approx(found_after(0).confidence, abs=1e-3)
 
 
-def test_who_was_lost_for_long_is_recognised_by_the_first_frames_model():
+def test_a_target_that_was_lost_for_long_is_recognised_by_the_first_frames_model():
     """Only a sharp response of the first frame's model confirms it after 60 missed frames."""
     def found(first_sharpness):
         presence = PresenceDetector()
@@ -111,7 +111,7 @@ def test_similarity_and_sharpness_make_up_for_one_another():
     assert confidence(0.25, 3.0) > 0.5 > confidence(0.04, 6.0)
 
 
-def test_who_is_sure_has_seen_the_target_well_in_the_latest_frame():
+def test_a_sure_detector_has_seen_the_target_well_in_the_latest_frame():
     """It's sure at a high similarity, or at less with a sharp response; not after an absence."""
     presence = PresenceDetector()
     assert presence.is_sure(0.12, 6.5) and presence.is_sure(0.4, 4.0)
@@ -132,7 +132,7 @@ def after(similarities, interval=1.0):
 
 
 @pytest.mark.parametrize('interval', [1.0, 4.0])
-def test_who_fades_has_turned_and_who_falls_is_hidden(interval):
+def test_a_similarity_that_fades_is_a_turn_and_one_that_falls_an_occlusion(interval):
     """An abrupt fall of the similarity lowers the log-odds by 1; a gradual one doesn't."""
     low = [0.08] * 8
     faded = after([*np.geomspace(0.3, 0.08, round(48 / interval)), *low], interval)
@@ -179,7 +179,7 @@ def test_an_unseen_target_may_be_a_side_away_and_farther_later():
 
 
 @pytest.mark.parametrize('sharpness', [3.2, 4.0, 5.5, 8.0, 20.0])
-def test_who_is_less_like_itself_is_less_sure_to_be_there(sharpness):
+def test_a_target_that_is_less_like_itself_is_less_sure_to_be_there(sharpness):
     """The standard deviation is 0.3 sides times the root of the odds against, or the least one."""
     presence = PresenceDetector()
     for _ in range(30):
@@ -192,7 +192,7 @@ def test_who_is_less_like_itself_is_less_sure_to_be_there(sharpness):
     assert 0.5 < confidence
 
 
-def test_who_is_hardly_there_may_be_as_far_away_as_who_is_as_likely_as_not():
+def test_a_target_that_is_hardly_there_may_be_as_far_away_as_at_even_odds():
     """Below even odds the error is that at even odds, and the error out of sight is added."""
     presence = PresenceDetector()
     for _ in range(30):

@@ -196,7 +196,7 @@ def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
 
 @pytest.mark.parametrize('there, jumps', [(0.125, False), (0.135, True)])
 @pytest.mark.parametrize('learns, seen, frames', [(True, True, 10), (False, False, 36)])
-def test_a_jump_from_who_is_seen_needs_a_similarity_that_is_trusted(
+def test_a_jump_from_a_seen_target_needs_a_similarity_that_is_trusted(
         known, learns, seen, frames, there, jumps):
     """It's 0.13, for a model that doesn't learn, too, however low the present similarity is."""
     model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
@@ -366,7 +366,7 @@ def test_long_after_a_target_is_searched_where_it_was_seen_last(known, velocity,
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_who_begins_again_beside_one_that_searches_goes_on_searching(seed):
+def test_a_localiser_restarted_beside_one_that_searches_goes_on_searching(seed):
     """It takes over the other's place, but searches from where that one lost the target."""
     first, nothing = VIDEO.frame(HERE), VIDEO.frame(None)
     leader, other = (Localiser(first, HERE, TARGET, np.random.default_rng(seed)) for _ in range(2))

@@ -275,14 +275,14 @@ def test_a_backbone_is_no_head(files):
 def test_a_head_that_old_versions_of_opencv_refuse(files, tmp_path, repository, monkeypatch):
     """The manual's script writes one that every version reads, with the same outputs."""
     published = write_head(tmp_path / 'published.onnx', clip=True)
-    mended = tmp_path / 'mended.onnx'
+    corrected = tmp_path / 'corrected.onnx'
     [script] = re.findall(r'```python\n(.*?)```',
                           (repository / 'docs' / 'localisers.md').read_text(), re.DOTALL)
-    monkeypatch.setattr('sys.argv', ['mend', published, str(mended)])
+    monkeypatch.setattr('sys.argv', ['correct', published, str(corrected)])
     exec(script, {})
     backbone, plain = files.values()
     answers = []
-    for head in (plain, str(mended)):
+    for head in (plain, str(corrected)):
         network = SiameseNetwork(backbone, head)
         target = network.learn(frame_at(START), START, TARGET)
         answers.append(network.search(target, frame_at(START), START, SIDE)[0])

@@ -36,7 +36,7 @@ def test_a_turned_window_shows_the_target_as_it_stood():
     assert localiser.angle == turn
 
 
-def test_who_is_taken_for_turned_but_stands_upright_is_upright_again():
+def test_a_target_that_is_taken_for_turned_but_stands_upright_is_upright_again():
     """A sum of measured turns may be wrong: the initial template corrects the angle to 0."""
     drawn = DrawnCard()
     localiser = localised(drawn, [0.0] * 3)
@@ -60,7 +60,7 @@ def test_an_error_of_the_rotation_is_put_right(angle, error):
     assert localiser.angle == pytest.approx(angle, abs=0.06)
 
 
-def test_who_has_turned_stays_so():
+def test_a_target_that_has_turned_stays_so():
     """Its angle stays, for upright it's less similar to the initial template."""
     drawn = DrawnCard()
     localiser = localised(drawn, [0.0] * 3)

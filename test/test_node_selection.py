@@ -94,7 +94,7 @@ def test_nothing_without_a_target(client):
     assert len(client.heard['pose']) == poses
 
 
-def test_init_on_the_newest_frame(client, process):
+def test_init_without_a_stamp_starts_on_the_next_frame(client, process):
     """A detection without a stamp starts on the next frame, with its own class and id."""
     play(client)
     rows = select(client, process, client.init,

@@ -45,7 +45,7 @@ def test_signal_while_loading(number):
     assert 'Traceback' not in process.log
 
 
-def test_who_was_started_by_nohup_outlives_the_terminal():
+def test_a_node_that_was_started_by_nohup_outlives_the_terminal():
     """A node that is started with SIGHUP ignored goes on tracking after that signal."""
     scene = Scene()
     process = NodeProcess(prelude='import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)',

@@ -103,14 +103,14 @@ def test_the_same_seed_gives_the_same_bits(name, parameters):
 def test_the_switch_changes_the_boxes_from_the_next_start_on(name):
     """`as_printed` changes the boxes if set before the start, but not if set while it runs."""
     frames, boxes = video()
-    mended = [estimate.box for estimate in tracked(name, frames, boxes[0])]
+    corrected = [estimate.box for estimate in tracked(name, frames, boxes[0])]
     printed = [estimate.box for estimate in tracked(name, frames, boxes[0], as_printed=True)]
-    assert mended != printed
+    assert corrected != printed
     tracker = BY_NAME[name](1)
     switched = [tracker.start(frames[0], boxes[0]).box]
     tracker.configure(as_printed=True)
     assert tracker.parameters['as_printed'] is True
-    assert switched + [tracker.update(frame).box for frame in frames[1:]] == mended
+    assert switched + [tracker.update(frame).box for frame in frames[1:]] == corrected
 
 
 @EVERY_FORM
@@ -296,7 +296,7 @@ def turning(count, turn):
     return frames, Box.from_center(160, 120, 60, 44)
 
 
-@pytest.mark.parametrize('parameters', [{}, {'as_printed': True}], ids=['mended', 'printed'])
+@pytest.mark.parametrize('parameters', [{}, {'as_printed': True}], ids=['corrected', 'printed'])
 def test_keypoints_hold_a_faster_rotation_than_the_process_alone(parameters):
     """With keypoints (as printed: of consecutive frames) the angle's error is below a half."""
     frames, box = turning(9, 0.1)

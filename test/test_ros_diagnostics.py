@@ -8,7 +8,7 @@ import pytest
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.ros.diagnostics import percentiles, report, SHARED_MEMORY, state_status
-from vtrack_ros.session.frame_flow import Arrival, FrameFlow, MOST_LATE
+from vtrack_ros.session.frame_flow import Arrival, FrameFlow, RECOVERY_COUNT
 from vtrack_ros.tracker import Estimate, TrackState
 
 STEP = 33_333_333
@@ -124,8 +124,8 @@ def test_a_stamp_of_the_far_future_is_but_a_wrong_one():
     for index in range(61, 80):
         assert flow.arrived(index * STEP, index * STEP) is Arrival.NEXT
     forward = [flow.arrived(index * STEP + hour, index * STEP) for index in range(80, 90)]
-    assert forward == [Arrival.LATE] * (MOST_LATE - 1) + [Arrival.NEXT] * 8
-    assert flow.late == MOST_LATE and flow.missing == 1
+    assert forward == [Arrival.LATE] * (RECOVERY_COUNT - 1) + [Arrival.NEXT] * 8
+    assert flow.late == RECOVERY_COUNT and flow.missing == 1
     # After an hour without frames such a stamp is accepted at once.
     assert flow.arrived(100 * STEP + 2 * hour, 100 * STEP + hour) is Arrival.NEXT
 
@@ -144,8 +144,8 @@ def test_a_clock_that_was_set_back_is_no_loop():
     """The third frame in a row that is stamped before the newest one is a RESET, not LATE."""
     flow = FrameFlow()
     feed(flow, range(300))
-    back = [flow.arrived((299 - 10 + index) * STEP, 1) for index in range(MOST_LATE)]
-    assert back == [Arrival.LATE] * (MOST_LATE - 1) + [Arrival.RESET]
+    back = [flow.arrived((299 - 10 + index) * STEP, 1) for index in range(RECOVERY_COUNT)]
+    assert back == [Arrival.LATE] * (RECOVERY_COUNT - 1) + [Arrival.RESET]
     # Set back by seconds: at once. To the stream's first stamp: the stream begins again.
     assert flow.arrived(200 * STEP, 1) is Arrival.RESET
     assert flow.arrived(0, 1) is Arrival.BEGINNING
@@ -189,7 +189,7 @@ def test_malformed_images_and_mismatches_come_first():
     flow = FrameFlow()
     feed(flow, range(10))
     for index in range(10, 13):
-        flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
+        flow.count_malformed(index * STEP, 1 + index * STEP, 'too short')
     level, text, _ = judge(flow, 13 * STEP)
     assert level == 1 and text == '3 of the last 13 images were malformed: too short'
     feed(flow, range(13, 20))
@@ -202,7 +202,7 @@ def test_malformed_images_are_not_missing():
     feed(flow, range(10))
     for index in range(10, 60):
         if index % 5 == 0:
-            flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
+            flow.count_malformed(index * STEP, 1 + index * STEP, 'too short')
         elif index % 5 != 1:
             feed(flow, [index])
     assert (flow.received, flow.malformed, flow.missing) == (40, 10, 10)
@@ -213,7 +213,7 @@ def test_stamps_of_malformed_images_are_not_believed():
     flow = FrameFlow()
     feed(flow, range(10))
     for stamp in (0, 10**18, 5):
-        flow.spoilt(stamp, 1 + 10 * STEP, 'unknown encoding')
+        flow.count_malformed(stamp, 1 + 10 * STEP, 'unknown encoding')
         feed(flow, [10 + stamp % 7])
     assert flow.arrived(30 * STEP, 30 * STEP) is Arrival.NEXT
 
@@ -222,7 +222,7 @@ def test_malformed_images_alone_are_no_silence():
     """If all images are malformed, that is reported, not silence."""
     flow = FrameFlow()
     for index in range(5):
-        flow.spoilt(index * STEP, 1 + index * STEP, 'too short')
+        flow.count_malformed(index * STEP, 1 + index * STEP, 'too short')
     level, text, _ = judge(flow, 5 * STEP)
     assert level == 1 and text == '5 of the last 5 images were malformed: too short'
     assert flow.silence(5 * STEP) < 1 and flow.age(5 * STEP) == math.inf

@@ -56,7 +56,7 @@ def test_constant_velocity_is_found():
     assert later.box.center == pytest.approx(straight(40)[-1])
 
 
-def test_who_turns_neither_grows_nor_comes_nearer():
+def test_a_target_that_turns_neither_grows_nor_comes_nearer():
     """A rotating target of 40 x 20 px keeps its size and velocity, though its bound changes."""
     motion_filter, size = MotionFilter(), (40.0, 20.0)
     for index in range(30):
@@ -182,7 +182,7 @@ def test_whatever_a_tracker_says(covariance):
     assert np.isfinite(motion.velocity).all()
 
 
-def test_who_asks_late_is_told_the_same():
+def test_a_late_query_has_the_same_answer():
     """Filtering waits for a query; the velocity is the same as if queried in every frame."""
     asked, silent = MotionFilter(), MotionFilter()
     for i, center in enumerate(straight(80)):

@@ -32,7 +32,7 @@ _BITS = 4
 #: Longer side, in pixels, that small pictures are enlarged to, about, by an integer factor.
 _LEGIBLE = 480
 #: Largest number of pictures on a contact sheet, and of positions in a trail.
-_SHEET, _TRAIL = 16, 60
+_SHEET, _TRAIL_LENGTH = 16, 60
 #: Radius of a two-dimensional Gaussian's 90 % ellipse, in standard deviations.
 _RADIUS = math.sqrt(-2 * math.log(0.1))
 
@@ -141,7 +141,7 @@ class Film:
         self._chosen = set(np.linspace(0, count - 1, min(_SHEET, count)).round().astype(int))
         self._index = 0
         self._sheet: list[Frame] = []
-        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL_LENGTH)
         self._writer: Any = None
 
     def __enter__(self) -> Film:

@@ -13,7 +13,7 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 
 @contextmanager
-def heard_by(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+def handling_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
     """Install a handler for these signals; on exit, the earlier handlers are restored."""
     earlier = {number: signal.signal(number, handler) for number in ending_signals()}
     try:

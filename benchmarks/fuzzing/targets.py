@@ -31,8 +31,6 @@ from vtrack_ros.session.session import TrackingSession
 
 #: What rosbags raises for a truncated message or an invalid text, as in the bag reader.
 _NO_MESSAGE = (ValueError, IndexError, AssertionError, OverflowError, MemoryError, TypeError)
-#: Upper bound of the size of a frame that is made from so few bytes.
-_LARGEST = 1 << 22
 
 #: Folder of the temporary files, in memory if possible: thousands are written a second.
 _MEMORY = '/dev/shm' if Path('/dev/shm').is_dir() else None

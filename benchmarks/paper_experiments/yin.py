@@ -25,7 +25,7 @@ TRACKERS: Trackers = {
     PF: 'pf_paper:particles=200', EQUAL: 'pf_paper:particles=200,grid=21',
     'ABMSPF 20 as printed': 'abmspf_paper:particles=20,as_printed=true',
     'ABMS as printed': 'abms_paper:as_printed=true'}
-MENDED = {label: text for label, text in TRACKERS.items() if 'printed' not in label}
+CORRECTED = {label: text for label, text in TRACKERS.items() if 'printed' not in label}
 #: Real videos from resting cameras with people who walk, in place of Walk1.
 WALKS = ('Crossing', 'Subway')
 #: Frames between the step of light and the occlusion; frames from the occlusion on.
@@ -39,14 +39,14 @@ def run(laboratory: Laboratory) -> Experiment:
     for level in LEVELS:
         _light(laboratory, result, level)
     outcomes = _table(laboratory, result, 'scale_change', TRACKERS)
-    sizes = {label: figures(outcomes[label])['size_error'] for label in MENDED}
+    sizes = {label: figures(outcomes[label])['size_error'] for label in CORRECTED}
     rest = {label: difference(sizes[OURS], sizes[label]) for label in (ABMS, PF, EQUAL)}
     result.claim(
         'scale_change: ABMSPF follows the change of size best (fig. 2)',
         'error of the size less that of ' + '; '.join(
             f'{label} {one}' for label, one in rest.items()),
         '; '.join(f'better than {label}: {one.below(0)}' for label, one in rest.items()))
-    outcomes = _table(laboratory, result, 'full_occlusion', MENDED)
+    outcomes = _table(laboratory, result, 'full_occlusion', CORRECTED)
     _hidden(result, outcomes)
     _times(result, 'full_occlusion', outcomes)
     _walks(laboratory, result)
@@ -117,7 +117,7 @@ def _hidden(result: Experiment, outcomes: dict[str, list[Outcome]]) -> None:
 
 def _times(result: Experiment, scene: str, outcomes: dict[str, list[Outcome]]) -> None:
     spent = {label: np.array([float(one.run.cpu_ms.mean()) for one in outcomes[label]])
-             for label in MENDED}
+             for label in CORRECTED}
     over = {label: ratio(spent[OURS], spent[label]) for label in (ABMS, PF, EQUAL)}
     result.claim(
         f'{scene}: a frame takes ABMS 16 ms or more, PF 50-100, ABMSPF 50-70 (sec. 3.2)',
@@ -131,7 +131,7 @@ def _times(result: Experiment, scene: str, outcomes: dict[str, list[Outcome]]) -
 def _walks(laboratory: Laboratory, result: Experiment) -> None:
     """Compare accuracy and smoothness on people who walk, seen by a resting camera."""
     for name in WALKS:
-        outcomes = laboratory.measure(laboratory.video(name), 1, MENDED)
+        outcomes = laboratory.measure(laboratory.video(name), 1, CORRECTED)
         if not outcomes[OURS]:
             continue
         rows = {label: {**figures(runs), **collected([_while_on(one) for one in runs])}

@@ -19,12 +19,12 @@ FACES, PITCHES, NOISE = 20, 1, 0.2
 #: Number of runs of all experiments but table 1 and the sweep on face_fast.
 FEW = 10
 PF, KPF, UPF = 'PF', 'KPF', 'UPF'
-PRINTED, MENDED = 'GMPF as printed', 'GMPF mended'
+PRINTED, CORRECTED = 'GMPF as printed', 'GMPF corrected'
 #: What the sweep compares.
-SWEPT = (PF, KPF, PRINTED, MENDED)
+SWEPT = (PF, KPF, PRINTED, CORRECTED)
 METHODS: Trackers = {
     PF: 'pf_paper:', KPF: 'kpf_paper:', UPF: 'upf_paper:',
-    PRINTED: 'gmpf_paper:as_printed=true,', MENDED: 'gmpf_paper:'}
+    PRINTED: 'gmpf_paper:as_printed=true,', CORRECTED: 'gmpf_paper:'}
 _LENGTHS, _COUNTS = (4, 6, 8, 10), (50, 100, 150, 200)
 #: Frames just after the target was covered, before the light goes.
 _UNCOVERED = np.s_[78:88]
@@ -41,7 +41,7 @@ def run(laboratory: Laboratory) -> Experiment:
     for dynamics, noise in (('random_walk', 0.15), ('white_acceleration', 0.2)):
         _lengths(few, result, dynamics, noise)
         _counts(few, result, dynamics, noise)
-    _sweep(few, result, 'football', 150, FOOTBALL_NOISES, (PF, PRINTED, MENDED))
+    _sweep(few, result, 'football', 150, FOOTBALL_NOISES, (PF, PRINTED, CORRECTED))
     for dynamics in DYNAMICS:
         _football(few, result, dynamics)
     return result
@@ -59,7 +59,7 @@ def _table1(laboratory: Laboratory, result: Experiment, dynamics: str) -> None:
     where = f'face_fast, {dynamics.replace("_", " ")} {NOISE}'
     result.table(f'{where}, N = 40, m = 5', rows)
     error = {label: row['error'] for label, row in rows.items()}
-    shares = {name: ratio(error[name], error[PF]) for name in (PRINTED, MENDED)}
+    shares = {name: ratio(error[name], error[PF]) for name in (PRINTED, CORRECTED)}
     result.claim(
         f'{where}: PF errs by 17.0 px, GMPF by 3.8, .23 of it (table 1)',
         f'{listed(rows, "error")} px; GMPF over PF: '
@@ -77,7 +77,7 @@ def _table1(laboratory: Laboratory, result: Experiment, dynamics: str) -> None:
         f'{where}: GMPF errs less than KPF (3.8 px for 4.3), more than UPF (3.4)',
         '; '.join(f'{PRINTED} over {name} {one}' for name, one in rivals.items()),
         f'KPF: {rivals[KPF].below(1)}, UPF: {rivals[UPF].above(1)}')
-    for name in (PRINTED, MENDED):
+    for name in (PRINTED, CORRECTED):
         four = {label: rows[label] for label in (PF, KPF, UPF, name)}
         result.claim(f'{where}: the CEI of GMPF is the best (.447; KPF .465, UPF .573, PF .842)',
                      f'{name}: {_indices(four)}', _best(four, name))
@@ -100,7 +100,7 @@ def _sweep(laboratory: Laboratory, result: Experiment, scene: str, particles: in
             [float(noise), float(errors.mean()), spread, float(row['finished'].mean())])
     result.curves[scene] = points
     for dynamics in DYNAMICS:
-        for name in (PRINTED, MENDED):
+        for name in (PRINTED, CORRECTED):
             cells = {noise: ratio(rows[f'{dynamics}|{noise}|{name}']['error'],
                                   rows[f'{dynamics}|{noise}|{PF}']['error']) for noise in noises}
             where = [', '.join(f'{noise}' for noise, one in cells.items()
@@ -133,7 +133,7 @@ def _printed(laboratory: Laboratory, result: Experiment) -> None:
         'floor=1': 'gmpf_paper:as_printed=true,particles=40',
         'floor=0 (eq. 17 to the letter)': 'gmpf_paper:as_printed=true,floor=0,particles=40',
         'weighting=full (eq. 5)': 'gmpf_paper:as_printed=true,weighting=full,particles=40',
-        'mended, weighting=full': 'gmpf_paper:weighting=full,particles=40'}
+        'corrected, weighting=full': 'gmpf_paper:weighting=full,particles=40'}
     for dynamics in ('random_walk', 'white_acceleration'):
         outcomes = laboratory.measure(laboratory.films('face_fast', FACES), FACES, {
             label: f'{text},dynamics={dynamics}' for label, text in trackers.items()})
@@ -143,7 +143,7 @@ def _printed(laboratory: Laboratory, result: Experiment) -> None:
 
 
 def _lengths(laboratory: Laboratory, result: Experiment, dynamics: str, noise: float) -> None:
-    for form, text in ((PRINTED, 'as_printed=true,'), ('mended, no prior', 'prior_share=0,')):
+    for form, text in ((PRINTED, 'as_printed=true,'), ('corrected, no prior', 'prior_share=0,')):
         outcomes = laboratory.measure(laboratory.films('face_fast', FACES), FACES, {
             f'm = {length}': f'gmpf_paper:{text}particles=100,window={length},'
                              f'dynamics={dynamics},noise={noise}' for length in _LENGTHS})
@@ -174,7 +174,7 @@ def _counts(laboratory: Laboratory, result: Experiment, dynamics: str, noise: fl
 def _football(laboratory: Laboratory, result: Experiment, dynamics: str) -> None:
     outcomes = laboratory.measure(
         laboratory.films('football', PITCHES), PITCHES,
-        _with((PF, KPF, PRINTED, MENDED), dynamics, NOISE, 150))
+        _with((PF, KPF, PRINTED, CORRECTED), dynamics, NOISE, 150))
     rows = {label: figures(runs) for label, runs in outcomes.items()}
     where = f'football, {dynamics.replace("_", " ")} {NOISE}'
     result.table(f'{where}, N = 150, m = 5, {laboratory.seeds} runs', rows)
@@ -186,7 +186,8 @@ def _football(laboratory: Laboratory, result: Experiment, dynamics: str) -> None
         result.claim(
             f'{where}: GMPF alone is on the player {part}',
             '; '.join(f'{label} {one}' for label, one in shares.items()),
-            f'GMPF as printed: {shares[PRINTED].above(0.5)}, mended: {shares[MENDED].above(0.5)}; '
+            f'GMPF as printed: {shares[PRINTED].above(0.5)}, '
+            f'corrected: {shares[CORRECTED].above(0.5)}; '
             f'others lost: {both(shares[PF].below(0.5), shares[KPF].below(0.5))}')
 
 

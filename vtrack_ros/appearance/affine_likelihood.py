@@ -10,7 +10,7 @@ from vtrack_ros.appearance.subspace import Subspace
 from vtrack_ros.frame import Array, Frame
 
 #: Width of the robust error norm: residual, of grey in [0, 1], at which a pixel counts half.
-_OUTLIER = 0.1
+_ROBUST_WIDTH = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class AffineLikelihood:
     def log_likelihood(self, frame: Frame, states: Array, widths: Widths) -> Array:
         """Return the log-likelihood of affine frames (N, 3, 3), up to a constant; shape (N,)."""
         patches = AffinePatches(frame, states, self.size, self.side)
-        result = self.subspace.robust_error(patches.grey(), _OUTLIER).astype(np.float64)
+        result = self.subspace.robust_error(patches.grey(), _ROBUST_WIDTH).astype(np.float64)
         result /= -2 * widths.subspace**2
         if self._colours is not None:
             similarity = np.sqrt(patches.colours()) @ self._colours

@@ -19,7 +19,7 @@ _LEVELS = 16
 _MARGIN = 0.2
 #: Added to the denominator of the foreground probability, so that colours seen (almost) nowhere
 #: get a probability near 0.
-_PRIOR = 1e-6
+_EPSILON = 1e-6
 
 Rectangle = tuple[int, int, int, int]
 Colours = NDArray[np.intp]
@@ -70,7 +70,7 @@ class ColourModel:
     @cached_property
     def _probabilities(self) -> NDArray[np.float32]:
         table = self.target + self.surroundings
-        table += np.float32(_PRIOR)
+        table += np.float32(_EPSILON)
         np.divide(self.target, table, out=table)
         return table
 

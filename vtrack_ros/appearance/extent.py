@@ -39,10 +39,10 @@ _SIZE, _ASPECT = (np.log(2.7), 0.7), (-0.25, 0.5)
 #: Segmentation (GrabCut): margin of the image part about the box, in mean sides; upper bound of
 #: its sides after downsampling, [px]; share of the box's sides, about its centre, that is marked
 #: as surely target; multiple of the box's sides beyond which all is marked as surely background.
-_CUT_ABOUT, _CUT_SIDE, _SURELY, _AT_MOST = 0.6, 96, 0.5, 1.6
+_SEGMENT_MARGIN, _SEGMENT_SIDE, _SURE_SHARE, _SEGMENT_REACH = 0.6, 96, 0.5, 1.6
 #: Segmentation: iterations; least side of the image part, [px], whose square is the least number
 #: of pixels of either label; share of the segment left out beyond each bound of its box, [%].
-_ITERATIONS, _LEAST_CUT, _BEYOND = 3, 8, 1.0
+_ITERATIONS, _LEAST_SEGMENT_SIDE, _TRIMMED = 3, 8, 1.0
 #: Least factor of the area between one extent and the next larger or smaller one.
 _STEP = 1.5
 
@@ -207,22 +207,23 @@ def _segmented(frame: Frame, box: Box) -> Box:
     The box itself is returned if the image part or the pixels of either label are too few.
     """
     x, y, width, height = box.as_array()
-    about = _CUT_ABOUT * math.sqrt(box.area)
+    about = _SEGMENT_MARGIN * math.sqrt(box.area)
     left, top = int(max(0, x - about)), int(max(0, y - about))
     part = frame[top:int(y + height + about), left:int(x + width + about)]
     rows, columns = part.shape[:2]
-    if min(rows, columns) < _LEAST_CUT:
+    if min(rows, columns) < _LEAST_SEGMENT_SIDE:
         return box
-    part = _reduced(part, _CUT_SIDE)
+    part = _reduced(part, _SEGMENT_SIDE)
     scale = np.array(part.shape[1::-1]) / (columns, rows)
     middle, half = (np.array(box.center) - (left, top)) * scale, scale * (width, height) / 2
     mask = np.full(part.shape[:2], cv2.GC_BGD, np.uint8)
-    for reach, label in ((_AT_MOST, cv2.GC_PR_BGD), (1.0, cv2.GC_PR_FGD), (_SURELY, cv2.GC_FGD)):
+    for reach, label in ((_SEGMENT_REACH, cv2.GC_PR_BGD), (1.0, cv2.GC_PR_FGD),
+                         (_SURE_SHARE, cv2.GC_FGD)):
         (x0, y0), (x1, y1) = (np.maximum(corner, 0).astype(int) for corner in (
             middle - reach * half, middle + reach * half + 1))
         mask[y0:y1, x0:x1] = label
     # the target's labels, sure and probable, are the odd numbers
-    if min(np.bincount(mask.ravel() & 1, minlength=2)) < _LEAST_CUT**2:
+    if min(np.bincount(mask.ravel() & 1, minlength=2)) < _LEAST_SEGMENT_SIDE**2:
         return box
     # a fixed seed, so that the result is reproducible
     cv2.setRNGSeed(0)
@@ -231,7 +232,7 @@ def _segmented(frame: Frame, box: Box) -> Box:
     _, pieces = cv2.connectedComponents(mask & 1)
     column, row = middle.astype(int)
     places = np.stack(np.nonzero(pieces == pieces[row, column]))[::-1]
-    low, high = np.percentile(places, (_BEYOND, 100 - _BEYOND), axis=1)
+    low, high = np.percentile(places, (_TRIMMED, 100 - _TRIMMED), axis=1)
     return Box(*((left, top) + low / scale), *((high - low + 1) / scale))
 
 

@@ -24,12 +24,12 @@ _RELIABLE, _FAR_RELIABLE = 0.45, 0.15
 
 #: Grid of ground points: columns, rows; and half the size, in target sides, of the area about the
 #: target's centre whose points are left out, as they may be on the target.
-_ACROSS, _DOWN, _TARGETS = 6, 5, 0.65
+_ACROSS, _DOWN, _TARGET_REACH = 6, 5, 0.65
 #: Lower bound of the texture (least eigenvalue) about a ground point.
 _TEXTURE = 1e-3
 #: Consensus of the ground points: least number of inliers, least share of inliers among the points
 #: followed, and an inlier's largest deviation from their median step in x and y, in samples.
-_LEAST_POINTS, _SHARE, _ALIKE = 6, 0.4, 1.0
+_LEAST_POINTS, _GROUND_SHARE, _GROUND_INLIER = 6, 0.4, 1.0
 
 #: Grid of target points: number along each side, and the share of the side that its cells cover.
 _POINTS, _COVERED = 6, 0.9
@@ -43,13 +43,12 @@ _UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 8, 0.03)
 #: Lower bound of the texture (least eigenvalue) about a target point [Shi and Tomasi 1994].
 _LEAST_TEXTURE = 1e-4
 #: Upper bound of the forward-backward error of a point that counts as followed, in samples.
-_CAME_BACK = 1.0
-#: Upper bound of an inlier's distance from its place by the similarity transform, in samples.
-_AGREES = 0.5
-#: Least share of all target points that have to be followed, and to be inliers.
-_AGREEING = 0.5
+_RETURN_ERROR = 1.0
+#: Upper bound of an inlier's distance from its place by the similarity transform, in samples;
+#: least share of all target points that have to be followed, and to be inliers.
+_INLIER_DISTANCE, _LEAST_AGREEING = 0.5, 0.5
 #: Bounds of |log growth| in a frame: less can't be told from noise, more isn't believed.
-_LEAST, _LARGEST = 0.01, 0.1
+_LEAST_GROWTH, _LARGEST_GROWTH = 0.01, 0.1
 #: Bounds of |rotation| in a frame, likewise, [rad].
 _LEAST_TURN, _LARGEST_TURN = 0.005, 0.5
 #: Target points moved together if at least this share of those followed is within this distance,
@@ -95,14 +94,15 @@ class SparsePicture:
         if min(self.pixels.shape) < _SMALLEST:
             return None
         x, y = (place / self.stride for place in target.center)
-        width, height = (_TARGETS * side / self.stride for side in (target.width, target.height))
+        width, height = (_TARGET_REACH * side / self.stride
+                         for side in (target.width, target.height))
         grid = _ground_points(*self.pixels.shape)
         away = np.abs(grid[:, 0] - np.array((x, y), np.float32))
         points = grid[(away[:, 0] > width) | (away[:, 1] > height)]
         step = self._agreed(later, points, (0.0, 0.0))
         if step is not None or not far:
             return step
-        (x, y), reliability = cv2.phaseCorrelate(self._alone, later._alone)
+        (x, y), reliability = cv2.phaseCorrelate(self._padded, later._padded)
         whole = (x * self.stride, y * self.stride) if reliability >= _FAR_RELIABLE else None
         return self._agreed(later, points, (x, y)) or whole
 
@@ -114,12 +114,12 @@ class SparsePicture:
         return coarse, every * self.stride
 
     @property
-    def _alone(self) -> NDArray[np.float32]:
+    def _padded(self) -> NDArray[np.float32]:
         """Return the windowed picture, zero-padded to twice its sides: no shift wraps around."""
         rows, columns = self.pixels.shape
-        alone = np.zeros((2 * rows, 2 * columns), np.float32)
-        alone[:rows, :columns] = (self.pixels - self.pixels.mean()) * _half_sines(rows, columns)
-        return alone
+        padded = np.zeros((2 * rows, 2 * columns), np.float32)
+        padded[:rows, :columns] = (self.pixels - self.pixels.mean()) * _half_sines(rows, columns)
+        return padded
 
     def _agreed(self, later: SparsePicture, points: NDArray[np.float32],
                 about: Point) -> Point | None:
@@ -133,8 +133,8 @@ class SparsePicture:
         # the median by hand: NumPy's function takes as long as all the rest here
         order = np.sort(steps, axis=0)
         apart = np.abs(steps - (order[(count - 1) // 2] + order[count // 2]) / 2)
-        alike = steps[(apart[:, 0] < _ALIKE) & (apart[:, 1] < _ALIKE)]
-        if len(alike) < max(_LEAST_POINTS, _SHARE * count):
+        alike = steps[(apart[:, 0] < _GROUND_INLIER) & (apart[:, 1] < _GROUND_INLIER)]
+        if len(alike) < max(_LEAST_POINTS, _GROUND_SHARE * count):
             return None
         x, y = (alike.sum(axis=0) * (self.stride / len(alike))).tolist()
         return x, y
@@ -193,8 +193,8 @@ class TargetMotion:
     @property
     def growth(self) -> float | None:
         """Return by which factor the target grew, or None where that can't be told."""
-        growth = None if self._similarity is None else abs(self._similarity)
-        return growth if growth and _LEAST < abs(math.log(growth)) < _LARGEST else None
+        scale = None if self._similarity is None else abs(self._similarity)
+        return scale if scale and _LEAST_GROWTH < abs(math.log(scale)) < _LARGEST_GROWTH else None
 
     @property
     def turn(self) -> float | None:
@@ -221,16 +221,16 @@ class TargetMotion:
                            where=between != 0)
         moved = after[first] - turned * before[first]
         away = np.abs(turned[:, None] * before + moved[:, None] - after)
-        agree = away < _AGREES / self.samples
+        agree = away < _INLIER_DISTANCE / self.samples
         agrees = agree[int(agree.sum(axis=1).argmax())]
-        if agrees.sum() < _AGREEING * self.points:
+        if agrees.sum() < _LEAST_AGREEING * self.points:
             return None
         own, its = (places[agrees] - places[agrees].mean() for places in (before, after))
         return complex(np.vdot(own, its) / np.vdot(own, own).real)
 
     @property
     def _few(self) -> bool:
-        return len(self.before) < _AGREEING * self.points
+        return len(self.before) < _LEAST_AGREEING * self.points
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ class TargetFlow:
         there, found = _followed(self.picture, now, before)
         back, returned = _followed(now, self.picture, there)
         away = np.abs(_complex(back - before))
-        followed = found & returned & (away < _CAME_BACK)
+        followed = found & returned & (away < _RETURN_ERROR)
         then, after = (_complex(places[followed] / samples) for places in (before, there))
         return TargetMotion(then, after, len(points), math.sqrt(math.prod(self.size)),
                             math.sqrt(math.prod(samples)), window.angle)

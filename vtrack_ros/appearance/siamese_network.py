@@ -25,7 +25,7 @@ _BOUND = 1000.0
 #: Channels of the features, and their rows and columns for an image of either side.
 _CHANNELS, _FEATURES = 48, {EXEMPLAR: 8, SEARCHED: 16}
 #: Names of the head's inputs and outputs.
-_TEMPLATE, _PLACE, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
+_TEMPLATE, _SEARCH, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 
 #: Features of an image, float32, shape (1, channels, rows, columns).
 Blob = NDArray[np.float32]
@@ -67,7 +67,7 @@ class SiameseNetwork:
         """
         square = PixelWindow.about(center, (side, side))
         self._head.setInput(target, _TEMPLATE)
-        self._head.setInput(self._described(square, frame, SEARCHED), _PLACE)
+        self._head.setInput(self._described(square, frame, SEARCHED), _SEARCH)
         logits, sides = (
             np.nan_to_num(output[0].astype(np.float64)).clip(-_BOUND, _BOUND)
             for output in self._head.forward([_SCORES, _SIDES]))
@@ -126,7 +126,7 @@ def read_head(path: str) -> cv2.dnn.Net:
     """Return the head in an ONNX file; errors as `SiameseNetwork`."""
     net = _read(path)
     inputs = {name: (1, _CHANNELS, side, side)
-              for name, side in zip((_TEMPLATE, _PLACE), _FEATURES.values())}
+              for name, side in zip((_TEMPLATE, _SEARCH), _FEATURES.values())}
     _check(path, net, inputs, {_SCORES: (1, 2, PLACES, PLACES), _SIDES: (1, 4, PLACES, PLACES)})
     return net
 

@@ -20,7 +20,7 @@ _LONGEST_WAIT = 2.0
 _PAUSE = 0.05
 #: Delay, in seconds, above which the schedule of the remaining messages is shifted: a hold-up by a
 #: busy disk, Ctrl-Z, or Fast DDS, which takes 1/3 s to check whether a new participant is alive.
-_HELD_UP = 0.02
+_MOST_DELAY = 0.02
 #: Queue depths of publishers, in messages: of volatile ones, seconds of images for reliable
 #: subscribers that are held up, and of transient local ones, which serve late subscribers too.
 _DEPTH, _DEPTH_FOR_LATE = 100, 10
@@ -164,7 +164,7 @@ class Player:
                 tick += 1
             if not self._sleep_until(began + due):
                 return
-            if (late := time.monotonic() - began - due) > _HELD_UP:
+            if (late := time.monotonic() - began - due) > _MOST_DELAY:
                 began += late
             self._publishers[message.topic].publish(bytes(message.data))
             name = self.published_name(message.topic)

@@ -82,7 +82,7 @@ class _Summarised:
         self._length = 0        # of the pieces, in bytes
         self._taken = 0         # bytes of the file that are in pieces
         self._content = _Content()
-        self._beside = _Content()
+        self._unchunked = _Content()
         self._indices: list[bytes] = []
         end = len(_MARK)
         broken: Exception | None = None
@@ -92,7 +92,7 @@ class _Summarised:
                     raise broken
                 continue
             if kind in (_SCHEMA, _CHANNEL, _MESSAGE):
-                self._beside.add(file, kind, start, end)
+                self._unchunked.add(file, kind, start, end)
                 if end - self._taken > _CHUNK_SIZE:
                     self._gather(end)
                 continue
@@ -118,14 +118,14 @@ class _Summarised:
     def _gather(self, end: int) -> None:
         """Append bytes up to `end`, messages as a chunk: rosbags sorts only messages in chunks."""
         size = end - self._taken
-        if self._beside.counts:
-            header = pack('<BQQQQIIQ', _CHUNK, 40 + size, self._beside.first, self._beside.last,
-                          size, 0, 0, size)
-            self._index(self._beside, len(header) + size, b'', size, size)
+        if self._unchunked.counts:
+            header = pack('<BQQQQIIQ', _CHUNK, 40 + size, self._unchunked.first,
+                          self._unchunked.last, size, 0, 0, size)
+            self._index(self._unchunked, len(header) + size, b'', size, size)
             self.pieces.append(header)
             self._length += len(header)
-        self._content.merge(self._beside)
-        self._beside = _Content()
+        self._content.merge(self._unchunked)
+        self._unchunked = _Content()
         self._keep(end)
 
     def _note_chunk(self, file: BinaryIO, start: int, end: int) -> None:

@@ -93,7 +93,7 @@ def _run(words: list[str]) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        complain(prog, in_words(error))
+        complain(prog, os_error_text(error))
         return 1
 
 
@@ -134,7 +134,7 @@ def negative_values(words: Sequence[str]) -> list[str]:
     return joined
 
 
-def in_words(error: OSError) -> str:
+def os_error_text(error: OSError) -> str:
     """Return the system's error message with the file's name, without the error number."""
     known = error.filename is not None and error.strerror is not None
     return f'{error.filename}: {error.strerror}' if known else str(error)

@@ -11,7 +11,7 @@ from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
 from vtrack_ros.dds import leave
-from vtrack_ros.signals import heard_by
+from vtrack_ros.signals import handling_signals
 
 EXAMPLES = """examples:
   vtrack play bags/face_fast
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         rclpy = load_rclpy('playing')
         # Until ROS is shut down, a signal only requests a stop: the player ends between two
         # messages and prints its count. A second signal mustn't leave shared memory behind.
-        with heard_by(end):
+        with handling_signals(end):
             context = rclpy.context.Context()
             # No arguments: ROS would parse ours as its own, and remap the topics a second time.
             rclpy.init(args=[], context=context,

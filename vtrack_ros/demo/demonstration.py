@@ -17,7 +17,7 @@ from vtrack_ros.bags import BagError, BagReader
 from vtrack_ros.bags.messages import COMPRESSED_IMAGE
 from vtrack_ros.bags.topics import Topic
 from vtrack_ros.cli.arguments import box, positive_number, seed
-from vtrack_ros.cli.command_line import complain, in_words, negative_values, Parser, warn
+from vtrack_ros.cli.command_line import complain, negative_values, os_error_text, Parser, warn
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.dds import reserve_domain, with_profile
 from vtrack_ros.drawing import Film
@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f'demo: {error}', file=sys.stderr)
             return 2
         except OSError as error:
-            return complain('demo', in_words(error))
+            return complain('demo', os_error_text(error))
 
 
 def _show_camera(options: argparse.Namespace) -> int:

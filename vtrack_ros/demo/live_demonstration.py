@@ -8,7 +8,7 @@ import time
 import webbrowser
 
 from vtrack_ros.demo.camera_source import NoImagesError, opened
-from vtrack_ros.demo.processes import Child, end_all, PATIENCE
+from vtrack_ros.demo.processes import Child, end_all, PROCESS_TIMEOUT
 
 #: The bag that is played if there is no camera.
 _SCENE = Path(__file__).resolve().parents[2] / 'bags' / 'leave_and_return'
@@ -38,7 +38,7 @@ def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) 
         page = Child('page', folder / 'page.log', 'vtrack_ros.cli.command_line', 'select',
                      '--port', '0')
         children.append(page)
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + PROCESS_TIMEOUT
         while not page.said.startswith('http'):
             page.check()
             if time.monotonic() > deadline:

@@ -9,18 +9,18 @@ import sys
 import time
 
 from vtrack_ros.ros.recorder import Answer, Recorder
-from vtrack_ros.signals import heard_by
+from vtrack_ros.signals import handling_signals
 
 #: Time-out for a process to start, or to end by itself, in seconds.
-PATIENCE = 30.0
+PROCESS_TIMEOUT = 30.0
 #: Time-out of terminated processes, after which they are killed, in seconds.
-LAST_WORDS = 5.0
+KILL_TIMEOUT = 5.0
 #: Exit codes of a process that ended as it was told to: 0, 128 + the signal's number, or minus the
 #: number if it had no handler for it yet.
 _ENDED_WELL = (0, *(code for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
                     for code in (-number, 128 + number)))
 #: Time-out without any answer after the last frame was sent, in seconds.
-SILENCE = 2.0
+ANSWER_TIMEOUT = 2.0
 
 
 class DemoError(RuntimeError):
@@ -54,7 +54,7 @@ class Child:
     def wait(self) -> None:
         """Wait until it ends by itself; raise DemoError at a time-out or a non-zero exit code."""
         try:
-            code = self._process.wait(PATIENCE)
+            code = self._process.wait(PROCESS_TIMEOUT)
         except subprocess.TimeoutExpired:
             raise self.failure('did not end') from None
         if code:
@@ -95,10 +95,10 @@ def end_all(children: Sequence[Child]) -> None:
     Errors at their ends are printed on standard error, unless they were reported before.
     """
     # Signals are ignored meanwhile: a second one must not leave processes running.
-    with heard_by(lambda *_: None):
+    with handling_signals(lambda *_: None):
         for child in children:
             child.terminate()
-        deadline = time.monotonic() + LAST_WORDS
+        deadline = time.monotonic() + KILL_TIMEOUT
         for child in children:
             if wrong := child.kill(max(0.0, deadline - time.monotonic())):
                 print(wrong, file=sys.stderr, flush=True)
@@ -117,7 +117,7 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
     children = [Child('node', folder / 'node.log', 'vtrack_ros.ros.main', '--ros-args', *node)]
     try:
         with Recorder() as recorder:
-            deadline = time.monotonic() + PATIENCE
+            deadline = time.monotonic() + PROCESS_TIMEOUT
             while not recorder.matched:
                 recorder.listen(0.05)
                 children[0].check()
@@ -125,10 +125,10 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
                     raise children[0].failure('was not found')
             children.append(Child(
                 'player', folder / 'player.log', 'vtrack_ros.cli.command_line', 'play', *player,
-                '--json', '--wait', str(PATIENCE)))
+                '--json', '--wait', str(PROCESS_TIMEOUT)))
             count, sent, quiet_since = 0, None, time.monotonic()
             while sent is None or (
-                    count < sent and time.monotonic() < quiet_since + SILENCE):
+                    count < sent and time.monotonic() < quiet_since + ANSWER_TIMEOUT):
                 recorder.listen(0.05)
                 children[0].check()
                 if recorder.received > count:

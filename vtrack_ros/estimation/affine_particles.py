@@ -12,11 +12,11 @@ from vtrack_ros.geometry import affine
 #: Allowed scale relative to the first frame's (minimum, maximum).
 _SMALLEST, _LARGEST = 0.2, 5.0
 #: Largest allowed elongation: the ratio of the stretches along two axes.
-_SLIMMEST = 2.5
+_MAX_STRETCH = 2.5
 #: Elementwise bound (+/-) of a step in the Lie algebra: logarithms of size and shape, and sides in
 #: the last column. It only keeps the exponential finite after a pause of years: far shorter steps
 #: are already refused.
-_LONGEST_STEP = np.array([[10.0, 10.0, 1e6], [10.0, 10.0, 1e6], [0.0, 0.0, 0.0]])
+_STEP_CLAMP = np.array([[10.0, 10.0, 1e6], [10.0, 10.0, 1e6], [0.0, 0.0, 0.0]])
 
 
 class AffineParticles(ABC):
@@ -78,7 +78,7 @@ class AffineParticles(ABC):
         near = ((center > -margin) & (center < self._limit + margin)).all(1)
         return (
             near & (affine.determinant(states[:, :2, :2]) > 0) & (relative > _SMALLEST)
-            & (relative < _LARGEST) & (affine.stretch(states) < _SLIMMEST))
+            & (relative < _LARGEST) & (affine.stretch(states) < _MAX_STRETCH))
 
 
 class GroupParticles(AffineParticles):
@@ -108,7 +108,7 @@ class GroupParticles(AffineParticles):
             base = before.copy()
             base[followers] = move @ before[followers]
             drift[followers] = 0
-        steps = (drift + affine.from_coordinates(noise)).clip(-_LONGEST_STEP, _LONGEST_STEP)
+        steps = (drift + affine.from_coordinates(noise)).clip(-_STEP_CLAMP, _STEP_CLAMP)
         states = base @ affine.exponential(steps)
         if count:
             # for all other particles the logarithm is the step just taken
@@ -161,7 +161,7 @@ class VectorParticles(AffineParticles):
         """Move every particle by noise alone: the arguments after `sigmas` are ignored."""
         noise = np.sqrt(dt) * sigmas * self._rng.standard_normal((len(self.vectors), 6))
         noise[:, 4:] *= np.exp(self.vectors[:, :1])
-        noise[:, :2] = noise[:, :2].clip(-_LONGEST_STEP[0, 0], _LONGEST_STEP[0, 0])
+        noise[:, :2] = noise[:, :2].clip(-_STEP_CLAMP[0, 0], _STEP_CLAMP[0, 0])
         vectors = self.vectors + noise
         states = affine.from_vector(vectors)
         refused = ~self._allowed(states)

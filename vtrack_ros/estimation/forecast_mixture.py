@@ -11,7 +11,7 @@ from vtrack_ros.frame import Array, Point
 _RATE = 0.15
 #: Initial mean error of a forecast, and the margin by which another forecast's mean error must be
 #: below that of staying to be preferred to it; in the unit of length.
-_FIRST_ERROR, _BETTER = 0.12, 0.02
+_FIRST_ERROR, _STAYING_MARGIN = 0.12, 0.02
 #: Upper bound that errors are clamped to, in the unit of length.
 _LARGEST = 1.5
 #: Width of the density in mean errors; its lower bound, in the unit of length; and the lower bound
@@ -44,8 +44,8 @@ class ForecastMixture:
         return self._errors.get(name, _FIRST_ERROR)
 
     def best(self, names: Mapping[str, Point]) -> str:
-        """Return the name of least mean error; `_BETTER` is added to all but staying's."""
-        return min(names, key=lambda name: self.error(name) + (name != STAYING) * _BETTER)
+        """Return the name of least mean error; `_STAYING_MARGIN` is added to all but staying's."""
+        return min(names, key=lambda name: self.error(name) + (name != STAYING) * _STAYING_MARGIN)
 
     @np.errstate(over='ignore')  # after a long pause a forecast may be anywhere
     def log_density(self, places: Array, forecasts: Mapping[str, Point], unit: float,

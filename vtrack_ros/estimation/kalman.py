@@ -114,13 +114,13 @@ class GaussianFilter(ABC):
             error: GaussianNoise) -> tuple[Array, Array, Array]:
         """Return mean, covariance and log-evidence after the measurement, of one block."""
 
-    def _numbers(self) -> int:
+    def _floats_per_belief(self) -> int:
         """Return how many numbers one belief needs while it's processed."""
         return max(16, 4 * self.model.state_dimension ** 2)
 
     def blocks(self, count: int) -> list[slice]:
         """Return slices that divide `count` beliefs into blocks."""
-        size = max(1, _BLOCK // self._numbers())
+        size = max(1, _BLOCK // self._floats_per_belief())
         return [slice(start, start + size) for start in range(0, count, size)]
 
     def _check(self, beliefs: Gaussian) -> None:

@@ -51,11 +51,11 @@ class SigmaPointFilter(GaussianFilter):
             components + rest)
         self._signed = bool((self.update_rule.covariance_weights < 0).any())
 
-    def _numbers(self) -> int:
+    def _floats_per_belief(self) -> int:
         points = len(self.update_rule)
         if self.model.transition_matrix(1.0) is None:
             points = max(points, len(self.transition_rule))
-        return max(points * self.model.state_dimension, super()._numbers())
+        return max(points * self.model.state_dimension, super()._floats_per_belief())
 
     def _predict(
             self, mean: Array, covariance: Array, dt: float, time: float,

@@ -153,7 +153,7 @@ def off_target(overlap: Array) -> BoolArray:
     return np.nan_to_num(overlap, nan=0.0) < OFF_TARGET
 
 
-def stretches(mask: BoolArray) -> list[tuple[int, int]]:
+def true_runs(mask: BoolArray) -> list[tuple[int, int]]:
     """Return (begin, end), the end exclusive, of each run of consecutive true values."""
     edges = np.diff(np.concatenate([[0], np.asarray(mask).astype(np.int8), [0]]))
     return [(int(begin), int(end)) for begin, end in zip(

@@ -80,7 +80,7 @@ def worst_frames(
 
 def _candidates(overlap: Array) -> list[int]:
     known = np.nan_to_num(overlap, nan=1.0)
-    losses = sorted(metrics.stretches(known < metrics.OFF_TARGET),
+    losses = sorted(metrics.true_runs(known < metrics.OFF_TARGET),
                     key=lambda stretch: stretch[0] - stretch[1])
     least = np.argsort(known, kind='stable')
     return [begin for begin, _ in losses] + [int(index) for index in least]
@@ -160,7 +160,7 @@ def _sequence(results: Results, sequence: Sequence, colors: Mapping[str, str]) -
         Curve(label, colors[label], np.arange(len(sequence), dtype=np.float64), np.median(
             [metrics.center_errors(run.boxes, sequence.truth) for run in runs.values()], axis=0))
         for label, runs in by_label.items()]
-    absent = metrics.stretches(~metrics.present(sequence.truth))
+    absent = metrics.true_runs(~metrics.present(sequence.truth))
     worst = worst_frames(first, sequence.truth)
     frames = sequence.pick(one.index for one in worst)
     return {

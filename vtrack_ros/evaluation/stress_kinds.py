@@ -10,7 +10,8 @@ import numpy as np
 from vtrack_ros.evaluation import frame_changes as change
 from vtrack_ros.evaluation.metrics import present
 from vtrack_ros.evaluation.stress_plan import (
-    edited, Footage, Frames, moved, now_and_then, room, StressPlan, stretches, thinned)
+    edited, Footage, Frames, moved, now_and_then, random_stretches, room, StressPlan,
+    thinned)
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
@@ -66,7 +67,7 @@ def _jumps(footage: Footage, severity: float, rng: np.random.Generator) -> Stres
     """Jump and stay; of eight directions with room, take the one closest to offset zero."""
     least, most = room(footage)
     offsets, place = np.zeros((len(footage.truth), 2)), np.zeros(2)
-    for number, (begin, end) in enumerate(stretches(len(offsets), 15, 35, rng)):
+    for number, (begin, end) in enumerate(random_stretches(len(offsets), 15, 35, rng)):
         angles = rng.uniform(0, 2 * math.pi) + np.arange(8) * math.pi / 4
         if number:
             jumps = severity * footage.sides[begin] * np.stack(

@@ -98,7 +98,7 @@ def room(footage: Footage) -> tuple[Array, Array]:
             np.floor(np.maximum(0, np.array(footage.size) - boxes[:, :2] - boxes[:, 2:])))
 
 
-def stretches(count: int, least: int, most: int, rng: np.random.Generator) -> (
+def random_stretches(count: int, least: int, most: int, rng: np.random.Generator) -> (
         Iterator[tuple[int, int]]):
     """Divide frames into stretches of random length from `least` to `most`: begin, end."""
     begin = 0
@@ -111,7 +111,7 @@ def stretches(count: int, least: int, most: int, rng: np.random.Generator) -> (
 def now_and_then(count: int, least: int, most: int, rng: np.random.Generator) -> Array:
     """Return a random angle [rad] for each second stretch's frames, NaN for the others."""
     angles = np.full(count, np.nan)
-    for number, (begin, end) in enumerate(stretches(count, least, most, rng)):
+    for number, (begin, end) in enumerate(random_stretches(count, least, most, rng)):
         if number % 2:
             angles[begin:end] = rng.uniform(0, 2 * math.pi)
     return angles

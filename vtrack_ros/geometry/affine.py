@@ -11,7 +11,7 @@ _Complex = NDArray[np.complex128]
 
 #: Lower clamp of half the difference of two eigenvalues: below it, a quotient of differences loses
 #: digits.
-_EQUAL = 1e-5
+_LEAST_RADIUS = 1e-5
 
 
 def from_coordinates(coordinates: Array) -> Array:
@@ -202,7 +202,7 @@ def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
     traceless = linear - middle[..., None, None] * np.eye(2)
     radius: _Complex = np.sqrt(-determinant(traceless) + 0j)
     # if the eigenvalues are equal, a small step about them gives the derivative
-    radius = np.where(np.abs(radius) < _EQUAL, complex(_EQUAL), radius)
+    radius = np.where(np.abs(radius) < _LEAST_RADIUS, complex(_LEAST_RADIUS), radius)
     above, below = function(middle + radius), function(middle - radius)
     even, odd = ((above + below) / 2).real, ((above - below) / (2 * radius)).real
     return even[..., None, None] * np.eye(2) + odd[..., None, None] * traceless

@@ -18,21 +18,21 @@ from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 #: What is tracked is doubted after a time with a low moving average of its similarity, or after a
 #: longer tracking failure: weight of the latest frame, level below which the average is low, and
 #: the two times, [frames].
-_RATE, _DOUBTED, _PATIENCE, _FAILED = 0.05, 0.15, 20.0, 30.0
+_RATE, _DOUBTED_SIMILARITY, _DOUBTED_FRAMES, _FAILED_FRAMES = 0.05, 0.15, 20.0, 30.0
 #: What was found after a failure is doubted at once, until its recent similarity reaches this
 #: share of the one that was usual before.
 _CONFIRMED = 0.9
 #: Weight of the latest frame in the recent similarity, which other places are compared with.
 _RECENT_RATE = 0.25
 #: Places searched in a frame, besides one about where the target was lost.
-_LOOKS = 2
+_SEARCHES = 2
 #: A place is the target's from these values on: similarity to the initial template; its ratio to
 #: that of what is tracked, anywhere, and about where the target was lost; log-odds of presence.
-_LEAST, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
+_LEAST_SIMILARITY, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
 #: Time, [frames], within which it has to be found there again.
 _CONFIRMING = 5.0
 #: Overlap (IoU) with the box that is tracked above which a place is the same one.
-_SAME = 0.3
+_SAME_PLACE = 0.3
 #: Probability that the target is searched at its first size; else at the last one not in doubt.
 _FIRST_SIZE = 0.4
 #: Standard deviations, [sides], of the places about what is tracked, and about where it was lost;
@@ -100,12 +100,12 @@ class GlobalSearch:
         self._mean += _RATE * (similarity - self._mean)
         self._recent += _RECENT_RATE * (similarity - self._recent)
         self._failed = self._failed + dt if failed else 0.0
-        self._doubted = self._doubted + dt if self._mean < _DOUBTED else 0.0
+        self._doubted = self._doubted + dt if self._mean < _DOUBTED_SIMILARITY else 0.0
         if not (failed or self._doubted):
             self._size = live.size
         if self._recent >= self._unconfirmed:
             self._unconfirmed, self._lost = 0.0, None
-        if (self._doubted < _PATIENCE and self._failed < _FAILED
+        if (self._doubted < _DOUBTED_FRAMES and self._failed < _FAILED_FRAMES
                 and (failed or not self._unconfirmed)):
             self._candidate = None
             return None
@@ -136,7 +136,7 @@ class GlobalSearch:
             side = math.sqrt(math.prod(self._size))
             x, y = self._lost + _NEAR_WHERE_LOST * side * self._rng.standard_normal(2)
             yield (float(x), float(y)), self._size, _GAIN_WHERE_LOST
-        for _ in range(_LOOKS):
+        for _ in range(_SEARCHES):
             self._looks += 1
             size = self._first_size if self._rng.random() < _FIRST_SIZE else self._size
             if self._looks % 2:
@@ -157,12 +157,13 @@ class GlobalSearch:
         if self._gain < _GAIN and is_distractor(center, distractors, math.sqrt(math.prod(size))):
             return None
         similarity = self._template.similarity(self._model.layout.window(frame, center, size))
-        if (similarity < max(_LEAST, self._gain * tracked)
+        if (similarity < max(_LEAST_SIMILARITY, self._gain * tracked)
                 or evidence(similarity, response.sharpness) < _EVIDENT):
             return None
         return Sighting(center, size, similarity, response.sharpness)
 
 
 def _overlaps(live: TargetSnapshot, center: Point, size: Point) -> bool:
-    """Tell whether the live box overlaps with one of that centre and size, [px]: `_SAME`."""
-    return Box.from_center(*center, *size).iou(Box.from_center(*live.center, *live.size)) > _SAME
+    """Tell whether the live box and one of that centre and size, [px], are at `_SAME_PLACE`."""
+    tracked = Box.from_center(*live.center, *live.size)
+    return Box.from_center(*center, *size).iou(tracked) > _SAME_PLACE

@@ -21,9 +21,9 @@ from vtrack_ros.localisation.search_window import Grid, inside
 
 #: More windows are searched below this share of the usual response, or where the last frame was
 #: longer ago than this, [frames]; after such a gap distractors aren't considered either.
-_LOW, _LONG = 0.75, 1.5
+_LOW_RESPONSE, _LONG_GAP = 0.75, 1.5
 #: Windows must be further apart than that, [sides of the target], to be searched.
-_APART = 0.4
+_WINDOWS_APART = 0.4
 #: The eight neighbouring windows, by steps of half a window (right, down).
 _AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1) if right or down]
 #: Least share of the highest response that makes a maximum a candidate: of the highest one in its
@@ -35,7 +35,7 @@ _DISTINCT = 0.5
 _MAXIMA = 200
 #: Least share of the highest response that makes a maximum a possible distractor; distance from a
 #: higher one or the target, [sides], within which it's of the same object.
-_DISTRACTING, _APART_FROM = 0.45, 0.2
+_DISTRACTING, _DISTRACTORS_APART = 0.45, 0.2
 #: Distance from the expected place, [sides], within which a distractor may be taken for the
 #: target; and within which it hides the target if only one maximum is left of both.
 _NEAR, _MEETING = 0.75, 0.35
@@ -45,13 +45,15 @@ _NEAR, _MEETING = 0.75, 0.35
 _MEASURED_EVERY, _TURNING = 4, 0.03
 #: Distance from the expected place, [sides], above which the place found is checked by the motion
 #: of the target's points; and distance from where they went above which it's replaced by that.
-_FAR = 0.4
+_FAR_FROM_EXPECTED = 0.4
 #: Increase of the response, as a share of the usual one, that multiplies the likelihood by e.
 _TEMPERATURE = 0.07
 #: Gap [frames] above which, and number of first frames in which, maxima are also compared with the
-#: initial template; number of maxima compared, the most probable ones; lower bound of the
-#: likeness, also used for the others; its exponent in the likelihood.
-_GAP, _NEW, _COMPARED, _UNLIKE, _LOOK = 8, 10, 6, 0.05, 3.0
+#: initial template; number of maxima compared, the most probable ones.
+_COMPARING_GAP, _COMPARING_FRAMES, _MOST_COMPARED = 8, 10, 6
+#: Lower bound of the likeness, also used for the maxima that aren't compared; its exponent in the
+#: likelihood.
+_LIKENESS_FLOOR, _LIKENESS_POWER = 0.05, 3.0
 #: Weight of the latest step in a velocity; factor of its decay in each frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
 
@@ -108,12 +110,12 @@ class GuidedSearch:
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
-        low = maps[0].peak < _LOW * target.usual_response
+        low = maps[0].peak < _LOW_RESPONSE * target.usual_response
         if low:
             box = Box.from_center(*self._start, *target.size)
             self._forecasts |= self._along(
                 'ground', before.ground_step(self._picture, box, far=True), dt)
-        if low or dt > _LONG:
+        if low or dt > _LONG_GAP:
             maps += self._wider(frame, expected)
         every = sorted(((place, response, value) for response in maps
                         for place, value in maxima(response, _DISTRACTING)),
@@ -175,7 +177,7 @@ class GuidedSearch:
 
     def _confirmed(self, frame: Frame, found: Found, expected: Point) -> Found:
         """Return where the target is: where it was found, or where its points went instead."""
-        target, far = self._target, _FAR * self._side
+        target, far = self._target, _FAR_FROM_EXPECTED * self._side
         if found.hidden or target.uncertain or math.dist(found.place, expected) <= far:
             return found
         points = self._points(frame)
@@ -211,7 +213,7 @@ class GuidedSearch:
 
     def _wider(self, frame: Frame, expected: Point) -> list[ResponseMap]:
         """Return the responses in more windows: at the other forecasts, and eight around."""
-        target, least = self._target, _APART * self._side
+        target, least = self._target, _WINDOWS_APART * self._side
         width, height = (size * reach / 2 for size, reach in zip(target.size, target.reach))
         halves, places = Grid(expected, (width, height), target.angle), [expected]
 
@@ -231,7 +233,7 @@ class GuidedSearch:
                     expected: Point, dt: float) -> Found:
         """Return the target among maxima, or where it's expected while a distractor hides it."""
         side = self._side
-        theirs = [] if dt > _LONG else self._distractors.near(expected, _NEAR * side, dt)
+        theirs = [] if dt > _LONG_GAP else self._distractors.near(expected, _NEAR * side, dt)
         if not theirs:
             self._hidden = 0.0
             return self._chosen(frame, [
@@ -263,18 +265,19 @@ class GuidedSearch:
         places = np.array([place for place, _, _ in found])
         scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
         scores += self._mixture.log_density(places, self._forecasts, side, dt)
-        if (dt > _GAP or self._frames <= _NEW) and self._target.network is None:
-            likeness = np.full(len(found), _UNLIKE)
-            for index in np.argsort(-scores)[:_COMPARED]:
-                likeness[index] = max(_UNLIKE, self._target.likeness(frame, places[index]))
-            scores += _LOOK * np.log(likeness)
+        comparing = dt > _COMPARING_GAP or self._frames <= _COMPARING_FRAMES
+        if comparing and self._target.network is None:
+            likeness = np.full(len(found), _LIKENESS_FLOOR)
+            for index in np.argsort(-scores)[:_MOST_COMPARED]:
+                likeness[index] = max(_LIKENESS_FLOOR, self._target.likeness(frame, places[index]))
+            scores += _LIKENESS_POWER * np.log(likeness)
         chosen = int(scores.argmax())
         place, response, _ = found[chosen]
         return Found(response, place, rival=found[0 if chosen else 1][0])
 
     def _follow_distractors(self, frame: Frame, every: list[Maximum], dt: float) -> None:
         """Follow the other maxima, which may be distractors, and compare one when due."""
-        apart, target, place = _APART_FROM * self._side, self._target, self._found.place
+        apart, target, place = _DISTRACTORS_APART * self._side, self._target, self._found.place
         others = [each[0] for each in distinct(strong(every, _DISTRACTING), apart)
                   if self._found.hidden or math.dist(each[0], place) > apart]
         self._distractors.update(others, place, self._side, dt)

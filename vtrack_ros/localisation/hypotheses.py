@@ -28,19 +28,19 @@ _RATE = 1 / 7
 #: Ratio of mean similarities (the other model's to the leader's) above which the other model takes
 #: over; similarity that anything has by chance, added to both before; ratio (the leader's to the
 #: other's) above which the other restarts beside the leader; least number of frames apart for it.
-_TAKES_OVER, _BY_CHANCE, _GIVES_UP, _APART = 1.15, 0.05, 1.1, 6
+_TAKEOVER_RATIO, _BY_CHANCE, _RESTART_RATIO, _APART_FRAMES = 1.15, 0.05, 1.1, 6
 #: Interval [frames] of the other model's updates while both agree and are sure (one more where the
 #: leader's size was just measured); number of first frames in each of which it's updated, because
 #: the target separates from its first background then.
 _PAUSE, _FIRST = 6.5, 30
 #: Overlap (IoU) of the boxes below which the models are at different places; overlap from which
 #: they agree, so that snapshots are kept for a restart: not one whose size has drifted.
-_TOGETHER, _ALIKE = 0.5, 0.75
+_SAME_PLACE, _AGREEMENT = 0.5, 0.75
 #: Share of the highest response from which the other model stays at its own local maximum; low, as
 #: a double that passes in front lowers that maximum.
-_LEVEL = 0.5
+_LOCAL_PEAK_SHARE = 0.5
 #: Lower bound of the similarities that are averaged.
-_LEAST = 0.01
+_LEAST_SIMILARITY = 0.01
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ class Hypotheses:
         if self._leader.restarted:
             self._other.restart_beside(self._leader)
             self._similarities = {self._leader: self._leader.similarity,
-                                  self._other: self._leader.similarity / _GIVES_UP}
+                                  self._other: self._leader.similarity / _RESTART_RATIO}
             self._agreed = {each: each.snapshot for each in self._similarities}
             self._apart, self._latest = 0, self._leader.center
             self._growth = 1.0
@@ -219,7 +219,7 @@ class Hypotheses:
         self._update_other(frame)
         rate = latest_weight(_RATE, 1, self._frames)
         for each, mean in self._similarities.items():
-            self._similarities[each] += rate * (max(each.similarity, _LEAST) - mean)
+            self._similarities[each] += rate * (max(each.similarity, _LEAST_SIMILARITY) - mean)
         return self._decide(distractors) or elsewhere
 
     def require(self, confidence: float) -> None:
@@ -256,7 +256,7 @@ class Hypotheses:
                              center[1] + leader.center[1] - before[1]), frame)
         response = other.localise(frame, center, leader.angle)
         place = response.local_maximum(center)
-        if response.sample_one(place) < _LEVEL * response.peak:
+        if response.sample_one(place) < _LOCAL_PEAK_SHARE * response.peak:
             place = response.center
         # only the leader searches elsewhere: two independent searches err twice as often
         other.update(frame, response, place, dt, search=False)
@@ -266,34 +266,34 @@ class Hypotheses:
         leader, other = self._leader, self._other
         overlap = leader.box.iou(other.box)
         self._growth = 1.0
-        if overlap >= _TOGETHER:
+        if overlap >= _SAME_PLACE:
             self._apart = 0
             self._growth = math.sqrt(other.size[0] / leader.size[0])
-            if overlap >= _ALIKE:
+            if overlap >= _AGREEMENT:
                 self._agreed = {each: each.snapshot for each in self._similarities}
             return False
-        if self._follows(distractors):
-            self._start_again()
+        if self._follows_distractor(distractors):
+            self._restart_other()
             return False
         self._apart += 1
         believed, rival = self._similarities[leader], self._similarities[other]
-        if rival + _BY_CHANCE > _TAKES_OVER * (believed + _BY_CHANCE):
+        if rival + _BY_CHANCE > _TAKEOVER_RATIO * (believed + _BY_CHANCE):
             self._leader, self._other = other, leader
             self._apart = 0
             return True
-        if self._apart >= _APART and rival * _GIVES_UP < believed:
-            self._start_again()
+        if self._apart >= _APART_FRAMES and rival * _RESTART_RATIO < believed:
+            self._restart_other()
         return False
 
-    def _follows(self, distractors: Sequence[Point]) -> bool:
+    def _follows_distractor(self, distractors: Sequence[Point]) -> bool:
         """Tell whether the other model is at a distractor, nearer to it than to the leader."""
         place, near = self._other.center, AT * math.sqrt(math.prod(self.size))
         nearest = min((math.dist(place, each) for each in distractors), default=math.inf)
         return nearest < min(near, math.dist(place, self.center))
 
-    def _start_again(self) -> None:
+    def _restart_other(self) -> None:
         """Restart the other model beside the leader, from its snapshot when they last agreed."""
         leader, other = self._leader, self._other
         other.resume(self._agreed[other], leader)
-        self._similarities[other] = self._similarities[leader] / _GIVES_UP
+        self._similarities[other] = self._similarities[leader] / _RESTART_RATIO
         self._apart = 0

@@ -13,7 +13,7 @@ from vtrack_ros.localisation.running_means import latest_weight
 _EVERY = 2
 #: Offset of the speed before its logarithm, [sides a frame]: speeds well below it count as rest;
 #: upper clamp of the speed.
-_LEAST_SPEED, _LARGEST_SPEED = 0.004, 0.5
+_SPEED_OFFSET, _LARGEST_SPEED = 0.004, 0.5
 #: Weights per frame in the moving averages of log(speed), recent and usual; number of frames of
 #: motion after which those are known.
 _RECENT_RATE, _USUAL_RATE, _FIRST_FRAMES = 1 / 8, 1 / 40, 5
@@ -66,7 +66,7 @@ class MotionEvidence:
 
     def _learn(self, speed: float, dt: float) -> None:
         """Update the averages with a speed over the ground, [sides a frame]."""
-        value = math.log(_LEAST_SPEED + min(speed, _LARGEST_SPEED))
+        value = math.log(_SPEED_OFFSET + min(speed, _LARGEST_SPEED))
         self._frames += dt
         self._recent += latest_weight(_RECENT_RATE, dt, self._frames) * (value - self._recent)
         self._usual += latest_weight(_USUAL_RATE, dt, self._frames) * (value - self._usual)

@@ -17,7 +17,7 @@ from vtrack_ros.tracker import TrackState
 
 #: Similarity of the first frame to itself: the peak that the filter of the target alone is scaled
 #: to, as it responds more to anything than one that sees the surroundings too.
-_PART_WEIGHT = 0.75
+_PART_PEAK = 0.75
 #: Lower bound of that filter's peak response to its own example, which it's divided by: a target
 #: with less can't be recognised, so its similarity has to stay low.
 _LEAST_PART = 0.1
@@ -29,7 +29,7 @@ _COLOUR_POWER, _LEAST_COLOUR = 0.25, 0.3
 #: its similarity is then above this share of that at the present angle.
 _ANCHORED, _UPRIGHT = 0.1, 0.9
 #: Else: step to both neighbouring angles, [rad]; ratio of similarities above which one is taken.
-_STEP, _BETTER = 0.1, 1.05
+_STEP, _ANGLE_RATIO = 0.1, 1.05
 
 #: Tracking fails when the response falls below this share of the usual one; or the similarity
 #: below the lower of a share of the usual one and a level that's good enough for every target.
@@ -48,7 +48,7 @@ _FALL, _RECOVERED, _USUAL_RATE = 0.9, 0.45, 0.05
 _FALL_WEIGHT = 1.0
 #: Similarity of another model to its own initial template below which it's evidence against the
 #: target: the logarithm of their ratio is added to the log-odds.
-_UNLIKE = 0.07
+_OTHER_EVEN_SIMILARITY = 0.07
 #: Log-odds of presence above which tracking hasn't failed, whatever response and similarity are.
 _SURE = 1.0
 #: Exponential smoothing of the evidence: weight of the latest frame, and the bound (+/-, log-odds)
@@ -97,7 +97,7 @@ class InitialTemplate:
         whole = model.correlation
         part = whole.confined(*window.layout.target)
         own = float(part.response(window.spectrum).max())
-        gain = _PART_WEIGHT / max(own, _LEAST_PART)
+        gain = _PART_PEAK / max(own, _LEAST_PART)
         both = np.stack([whole.numerator, np.complex64(gain) * part.numerator])
         colour = model.colours.mean_probability(window.colours, window.rectangle((0.0, 0.0)))
         return cls(replace(whole, numerator=both), model.colours, colour)
@@ -137,7 +137,7 @@ class InitialTemplate:
         if upright > _UPRIGHT * own:
             return 0.0
         best, angle = max(zip(others, near))
-        return angle if best > _BETTER * own else window.angle
+        return angle if best > _ANGLE_RATIO * own else window.angle
 
 
 def has_failed(known: TargetSnapshot, similarity: float, peak: float) -> bool:
@@ -168,7 +168,7 @@ class PresenceDetector:
     """
 
     def __init__(self) -> None:
-        self._evidence = self._recognised = self._said = _CLEAR
+        self._evidence = self._recognised = self._log_odds = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
         """The least confidence at which the target is reported as present."""
@@ -182,7 +182,7 @@ class PresenceDetector:
     @property
     def confidence(self) -> float:
         """Return the probability that the target is where it was localised, in [0, 1]."""
-        return logistic(self._said)
+        return logistic(self._log_odds)
 
     def least_covariance(self, area: float, center_error: float, size_error: float) -> Array:
         """
@@ -193,7 +193,7 @@ class PresenceDetector:
         mean sides, are lower bounds of the standard deviations, which are proportional to the root
         of the odds against the target, up to even ones.
         """
-        doubted = _DOUBTED_ERROR * math.exp(-max(self._said, 0.0) / 2)
+        doubted = _DOUBTED_ERROR * math.exp(-max(self._log_odds, 0.0) / 2)
         return unknown_covariance(max(center_error, doubted), max(size_error, doubted), area,
                                   self.absent_frames)
 
@@ -220,16 +220,16 @@ class PresenceDetector:
             latest = _averaged(self._evidence, latest)
             recognised = _averaged(self._recognised, recognised)
         self._evidence, self._recognised = latest, recognised
-        self._said = recognised + (0.0 if elsewhere else support)
+        self._log_odds = recognised + (0.0 if elsewhere else support)
         doubt = self._doubt
-        if self._said >= (doubt + _RECOGNISED if doubt else _SEEN):
+        if self._log_odds >= (doubt + _RECOGNISED if doubt else _SEEN):
             self._missed, doubt = 0, 0.0
-        self._said -= doubt
-        if self._said < _SEEN:
+        self._log_odds -= doubt
+        if self._log_odds < _SEEN:
             self._missed += 1
-        seen, said = self._evidence >= 0.0, self.confidence >= self.threshold
+        seen, present = self._evidence >= 0.0, self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
-        self.absent_frames = 0.0 if said else self.absent_frames + dt
+        self.absent_frames = 0.0 if present else self.absent_frames + dt
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the evidence, with these values for the next frame, exceeds `_SURE`."""
@@ -265,7 +265,7 @@ def _averaged(before: float, latest: float) -> float:
 
 def support_of(similarity: float) -> float:
     """Return what another model's similarity, at its place, adds to the log-odds: 0 at most."""
-    return min(math.log(max(similarity, _LEAST_SIMILARITY) / _UNLIKE), 0.0)
+    return min(math.log(max(similarity, _LEAST_SIMILARITY) / _OTHER_EVEN_SIMILARITY), 0.0)
 
 
 def logistic(value: float) -> float:

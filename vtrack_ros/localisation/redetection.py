@@ -36,7 +36,7 @@ _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 #: present one is plausible.
 _JUMP_FRAMES = 3
 #: Log-odds of the target at a place from which on it's worth a jump.
-_ODDS = 1.3
+_JUMP_ODDS = 1.3
 #: Exponent of the response in the odds, and the share of the usual response that leaves them as
 #: they are.
 _RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
@@ -53,9 +53,9 @@ _COLOUR_PIXELS, _MOST_COLOURS = (6, 3), 1 << 14
 #: The most probable maxima are searched again, each in the middle of a window: their number; least
 #: response, as a share of the usual one; increase of that share that multiplies the odds by e; and
 #: the least distance between them, [sides].
-_LOOKS, _WORTH_LOOKING, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
+_RECENTRED, _LEAST_PEAK, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
 #: Share of the usual response there from which a place is compared with the initial template.
-_WORTH_VERIFYING = 0.5
+_LEAST_VERIFIED_PEAK = 0.5
 #: Lower bound of a share of the usual response in a logarithm.
 _LEAST_SHARE = 1e-6
 #: Time, [frames], for which the velocity before the failure is extrapolated; after it the place
@@ -180,7 +180,7 @@ class Redetection:
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
         best = max((one for one in candidates if one.similarity >= least
-                    and (one.odds >= _ODDS or not learns)),
+                    and (one.odds >= _JUMP_ODDS or not learns)),
                    key=lambda one: one.odds if learns else one.similarity, default=None)
         if best is None:
             return self._preferred(candidates, live, similarity, peak)
@@ -207,7 +207,7 @@ class Redetection:
         snapshot, candidates = self._snapshot, []
         side = math.sqrt(math.prod(snapshot.size))
         for response in self._maxima(frame, rival):
-            if response.peak < _WORTH_VERIFYING * snapshot.response_unit:
+            if response.peak < _LEAST_VERIFIED_PEAK * snapshot.response_unit:
                 continue
             center = inside(response.center, frame)
             away = np.abs(np.subtract(center, live)) > 0.3 * np.array(snapshot.size)
@@ -235,11 +235,11 @@ class Redetection:
         promising = sorted((
             (inside(each.center, frame), each,
              each.peak / (_TEMPERATURE * usual) - self._against_way(each.center))
-            for each in searched if each.peak >= _WORTH_LOOKING * usual),
+            for each in searched if each.peak >= _LEAST_PEAK * usual),
             key=lambda one: -one[2])
         apart = _APART * math.sqrt(math.prod(snapshot.size))
         return [snapshot.localise(frame, place)
-                for place, _, _ in distinct(promising, apart)[:_LOOKS]]
+                for place, _, _ in distinct(promising, apart)[:_RECENTRED]]
 
     def _odds(self, center: Point, similarity: float, response: ResponseMap) -> float:
         """Return the log-odds of the target at a place, [px]; see the class."""

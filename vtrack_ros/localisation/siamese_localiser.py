@@ -22,7 +22,7 @@ _CELLS, _SPREAD = 32, 1.0
 #: Share of the highest response below which a box isn't used.
 _SHARE = 0.3
 #: Exponent of the boxes' responses at a place, as weights of their mean; lower bound of responses.
-_LIKELIEST, _LEAST = 16, 1e-6
+_WEIGHT_POWER, _LEAST_LEVEL = 16, 1e-6
 #: Rate at which the response of a box decays exponentially with its change of size and shape.
 _CHANGE = 0.148
 #: Factor that brings the product of similarity and response to the scale of a similarity.
@@ -35,7 +35,7 @@ _SIZE_RATE = 0.35
 _CORRECTED = 0.15
 #: The correction holds for the appearance in the first frame: similarity from which it's applied
 #: in full, below it in proportion; weight of the latest frame in the moving average of that share.
-_ALIKE, _ALIKE_RATE = 0.2, 0.1
+_FULL_SIMILARITY, _ALIKE_RATE = 0.2, 0.1
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class SiameseResponse(ResponseMap):
         are as likely, the least difference would decide which one it is.
         """
         away = ((self.boxes[:, :2] - place) / self.window.cell)**2
-        logs = np.log(np.maximum(self.levels, _LEAST)) - away.sum(axis=1) / (2 * _SPREAD**2)
-        weights = np.exp(_LIKELIEST * (logs - logs.max()))
+        logs = np.log(np.maximum(self.levels, _LEAST_LEVEL)) - away.sum(axis=1) / (2 * _SPREAD**2)
+        weights = np.exp(_WEIGHT_POWER * (logs - logs.max()))
         box: Array = weights @ self.boxes / weights.sum()
         return box
 
@@ -132,7 +132,7 @@ class SiameseModel(TargetModel):
 
     def seen(self, similarity: float) -> SiameseModel:
         """Return the model with `alike` updated by a frame of that similarity to the first."""
-        alike = self.alike + _ALIKE_RATE * (min(similarity / _ALIKE, 1.0) - self.alike)
+        alike = self.alike + _ALIKE_RATE * (min(similarity / _FULL_SIMILARITY, 1.0) - self.alike)
         return replace(self, alike=max(alike, 0.0))
 
     def credibility(self, similarity: float, response: ResponseMap, place: Point) -> float:

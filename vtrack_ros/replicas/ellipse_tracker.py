@@ -147,20 +147,20 @@ class MeanShiftReplica(Tracker):
     def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
         """Search for the target; also return the place, shape (2,), to report if it fails."""
         self.stage = 'everywhere'
-        return self._likest(frame, self._blobs(frame)), self._center
+        return self._best_match(frame, self._blobs(frame)), self._center
 
-    def _likest(self, frame: Frame, candidates: Array) -> Match | None:
+    def _best_match(self, frame: Frame, candidates: Array) -> Match | None:
         if not len(candidates):
             return None
         return self._matched(frame, candidates, self._score(frame, candidates))
 
     def _matched(self, frame: Frame, candidates: Array, scores: Array) -> Match | None:
         """Climb from the three best candidates; return the best place if it scores above r."""
-        likest = [index for index in np.argsort(-scores)[:3] if scores[index] > self._rejected]
-        if not likest:
+        starts = [index for index in np.argsort(-scores)[:3] if scores[index] > self._rejected]
+        if not starts:
             return None
         places = np.array([self._colours.climb(frame, candidates[index], self._matrix)
-                           for index in likest])
+                           for index in starts])
         scores = self._score(frame, places)
         best = int(scores.argmax())
         return Match(places[best], float(scores[best])) if scores[best] > self._rejected else None
@@ -274,7 +274,7 @@ class MeanShiftParticleReplica(MeanShiftReplica):
     def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
         self.stage = 'ahead'
         ahead = self._center + dt * self._velocity
-        match = self._likest(frame, ahead[None])
+        match = self._best_match(frame, ahead[None])
         if match is not None:
             return match, ahead
         self.stage = 'near'
@@ -286,7 +286,7 @@ class MeanShiftParticleReplica(MeanShiftReplica):
         match = self._matched(frame, candidates, scores)
         if match is None and searched > _LOCAL_FRAMES:
             self.stage = 'everywhere'
-            match = self._likest(frame, self._blobs(frame))
+            match = self._best_match(frame, self._blobs(frame))
         # the particles' mean, weighted with their similarity [Yin2013, eq. 12]
         weights = scores[_CANDIDATES:] + 0.1
         return match, weights @ points / weights.sum()

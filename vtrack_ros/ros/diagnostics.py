@@ -16,7 +16,7 @@ from vtrack_ros.tracker import Estimate, TrackState
 #: Share of missing frames above which a warning is reported.
 NOTABLE_LOSS = 0.01
 #: Time-out, in seconds: without a good image for longer, the last measurement is stale.
-LONGEST_SILENCE = 1.0
+STALE_AFTER = 1.0
 #: Size of Fast DDS's shared-memory segment without our profile, in bytes.
 SHARED_MEMORY = 512 * 1024
 #: The advice where large images are lost on the way.
@@ -46,7 +46,7 @@ class Diagnostics:
         self.flow = FrameFlow()
         self.inputs: list[Input] = []
         self.images: Input | None = None
-        self._told = False
+        self._published_since_tick = False
         self._reported: tuple[str, bytes] = ('', b'')
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
         # On a steady clock, for simulated time may stand still, and the reports must go on.
@@ -60,13 +60,13 @@ class Diagnostics:
 
     @property
     def stale(self) -> bool:
-        """Return whether no good image has come for more than `LONGEST_SILENCE`."""
-        return self.flow.age(time.perf_counter_ns()) > LONGEST_SILENCE
+        """Return whether no good image has come for more than `STALE_AFTER`."""
+        return self.flow.age(time.perf_counter_ns()) > STALE_AFTER
 
     def publish_state(self, make: Callable[[], DiagnosticStatus] | None = None) -> None:
         """Publish the target's state; on /diagnostics too if it has changed."""
         self._publishers.publish_state(make or self._make_state)
-        self._told = True
+        self._published_since_tick = True
         if self._publisher.get_subscription_count():
             state = self._make_state()
             if (state.message, state.level) != self._reported:
@@ -78,9 +78,9 @@ class Diagnostics:
         if self.images is not None:
             self.images.warn_of_several()
         # Without frames, or paused, once a second for subscribers that came meanwhile.
-        if not self._told:
+        if not self._published_since_tick:
             self._publishers.publish_state(self._make_state)
-        self._told = False
+        self._published_since_tick = False
         rows = []
         if self.images is not None:
             faults = [fault for one in (self.images, *self.inputs) for fault in one.faults]

@@ -192,7 +192,7 @@ class ParameterNode(Node):
         """Set all of the parameters, or none."""
         values = {parameter.name: parameter.value for parameter in parameter_list}
         try:
-            self._check_as_ros_does(values)
+            self._check_before_ros(values)
             own, trackers = _by_owner(values)
             own = NODE_PARAMETERS.checked(own)
             box = checked_init_box(values[INIT_BOX]) if INIT_BOX in values else self.init_box
@@ -209,7 +209,7 @@ class ParameterNode(Node):
                 self.on_change(values)
         return result
 
-    def _check_as_ros_does(self, values: dict[str, Any]) -> None:
+    def _check_before_ros(self, values: dict[str, Any]) -> None:
         """Raise an error at what rclpy would refuse less clearly, or not at all."""
         for name, value in values.items():
             row = self._table.get(name)

@@ -13,7 +13,7 @@ from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, t
 from vtrack_ros.ros.diagnostics import Diagnostics, state_status
 from vtrack_ros.ros.message_types import installed, MessageTypes
 from vtrack_ros.ros.parameter_node import INIT_BOX, ParameterNode
-from vtrack_ros.ros.place import Place, QUIET
+from vtrack_ros.ros.pose_publisher import PosePublisher, THROTTLE
 from vtrack_ros.ros.publishers import Publishers
 from vtrack_ros.ros.qos import image_topic, Input
 from vtrack_ros.ros.services import Services
@@ -43,7 +43,7 @@ class NodeLog:
 
     def repeated_error(self, text: str) -> None:
         """Log an error that may recur with every frame, throttled."""
-        self._logger.error(text, throttle_duration_sec=QUIET)
+        self._logger.error(text, throttle_duration_sec=THROTTLE)
 
 
 class Pipeline:
@@ -65,7 +65,7 @@ class Pipeline:
         self._target.set_init_box(node.init_box, f'parameter {INIT_BOX}')
         self._state_file = StateFile(node, self._target)
         self._publishers = Publishers(node, types, with_vision)
-        self._place = Place(node, types, self._publishers)
+        self._pose_publisher = PosePublisher(node, types, self._publishers)
         self._services = Services(node, types, with_vision, self._target, log, self._changed)
         self._services.listen_to_detector(bool(settings['init_from_detections']))
         self._diagnostics = Diagnostics(node, self._publishers, self._state)
@@ -73,7 +73,7 @@ class Pipeline:
         self._convert: Callable[[Any], Frame] = (
             compressed_to_frame if self._compressed else to_frame)
         self._camera_info = Input(
-            node, CameraInfo, 'camera_info', self._place.on_camera_info)
+            node, CameraInfo, 'camera_info', self._pose_publisher.on_camera_info)
         self._watch_inputs()
         node.on_change = self._on_parameters
 
@@ -122,8 +122,8 @@ class Pipeline:
         try:
             frame = self._convert(message)
         except ValueError as error:
-            flow.spoilt(stamp, began, str(error))
-            self._log.error(f'image dropped: {error}', throttle_duration_sec=QUIET)
+            flow.count_malformed(stamp, began, str(error))
+            self._log.error(f'image dropped: {error}', throttle_duration_sec=THROTTLE)
             self._diagnostics.publish_state()
             return
         flow.largest = max(flow.largest, len(message.data))
@@ -135,7 +135,7 @@ class Pipeline:
         estimate = self._target.update(frame, stamp)
         compute = (time.perf_counter_ns() - started) / 1e6
         if estimate is not None and estimate.measured:
-            self._place.publish(header, frame, estimate)
+            self._pose_publisher.publish(header, frame, estimate)
         identity = self._target.identity
         self._publishers.publish_boxes(header, estimate, identity)
         flow.processing.append((time.perf_counter_ns() - began) / 1e6)
@@ -159,7 +159,7 @@ class Pipeline:
         if arrival is Arrival.LATE:
             self._log.warning('image dropped: its stamp is before, or far after, the stamp of the '
                               'previous image',
-                              throttle_duration_sec=QUIET)
+                              throttle_duration_sec=THROTTLE)
             return False
         again = arrival is Arrival.BEGINNING
         kept = self._target.estimate is None or again and self._target.init_box is not None
@@ -201,7 +201,7 @@ class Pipeline:
             name = 'stale'
         return state_status(
             self._node.get_fully_qualified_name(), self._session.tracker, name, estimate, {
-                **(values or {}), 'pose_units': self._place.units,
+                **(values or {}), 'pose_units': self._pose_publisher.units,
                 'frames_received': str(flow.received), 'frames_missing': str(flow.missing),
                 'frames_late': str(flow.late), 'frames_malformed': str(flow.malformed)},
             stale=silent or name in ('paused', 'inactive'))
@@ -217,7 +217,7 @@ class Pipeline:
             self._log.warning(
                 f'{self._session.tracker} cannot start on the target: it is forgotten')
         self._services.listen_to_detector(bool(settings['init_from_detections']))
-        self._place.offer()
+        self._pose_publisher.offer()
         self._changed()
 
     def _watch_inputs(self) -> None:

@@ -20,12 +20,12 @@ from vtrack_ros.session.motion_filter import LONGEST_FORECAST
 from vtrack_ros.tracker import Estimate
 
 #: Least interval between log messages that could recur with every frame, in seconds.
-QUIET = 2.0
+THROTTLE = 2.0
 #: The covariance of a box that is known exactly.
 _EXACT = np.zeros((4, 4))
 
 
-class Place:
+class PosePublisher:
     """
     Publishes pose, twist and transform of the target that a node's session measures.
 
@@ -38,7 +38,7 @@ class Place:
         self._types = types
         self._publishers = publishers
         self._camera: Camera | None = None
-        self.units = self._told_units = ''
+        self.units = self._logged_units = ''
         self.offer()
 
     def offer(self) -> None:
@@ -55,11 +55,11 @@ class Place:
                     located(motion.box, motion.covariance[:4, :4]))
         if position is None:
             self.units = ''
-            self._tell_of_no_pose()
+            self._warn_of_no_pose()
             return
         self.units = position.units
-        if position.units != self._told_units:
-            before, self._told_units = self._told_units, position.units
+        if position.units != self._logged_units:
+            before, self._logged_units = self._logged_units, position.units
             self._log.info(f'pose units: {position.units}' + (before and f' (was {before})'))
         self._publishers.publish_pose(header, position, estimate.angle)
 
@@ -81,7 +81,7 @@ class Place:
             pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
             self._log.warning(
                 f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}",
-                throttle_duration_sec=QUIET)
+                throttle_duration_sec=THROTTLE)
 
     def _published_at(self, header: Any) -> tuple[Any, float]:
         """Return the header to publish with, and how far it is ahead of the image [s]."""
@@ -95,7 +95,7 @@ class Place:
             f'predict_to_now: the image is stamped {abs(age):.3f} s '
             f'{"before" if age > 0 else "after"} the node\'s current time, but poses are '
             f'predicted by 0 to {LONGEST_FORECAST:g} s only: published without prediction',
-            throttle_duration_sec=QUIET)
+            throttle_duration_sec=THROTTLE)
         return header, 0.0
 
     def _camera_of(self, frame: Frame) -> Camera | None:
@@ -105,7 +105,7 @@ class Place:
         if camera is not None and (camera.width, camera.height) != (width, height):
             self._log.warning(
                 f'camera_info is not used: it is for {camera.width} x {camera.height}, but the '
-                f'image is {width} x {height}', throttle_duration_sec=QUIET)
+                f'image is {width} x {height}', throttle_duration_sec=THROTTLE)
             camera = None
         return camera
 
@@ -115,10 +115,10 @@ class Place:
         return locate(box, covariance, camera, settings.text('pose_units'),
                       settings.number('target_width'), settings.number('target_height'))
 
-    def _tell_of_no_pose(self) -> None:
+    def _warn_of_no_pose(self) -> None:
         units = self._node.settings.text('pose_units')
         needed = 'camera_info of the image, a box within the range of its distortion model'
         if units == 'metres':
             needed += ', and target_width or target_height'
         self._log.warning(f'no pose: pose_units {units} needs {needed}',
-                          throttle_duration_sec=QUIET)
+                          throttle_duration_sec=THROTTLE)

@@ -29,7 +29,7 @@ OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infi
 #: A velocity (3,) and its covariance (3, 3).
 Velocity: TypeAlias = tuple[Array, Array]
 #: Length of the trail on the debug image, in measured positions.
-_TRAIL = 60
+_TRAIL_LENGTH = 60
 
 
 class Publishers:
@@ -39,7 +39,7 @@ class Publishers:
         self._node = node
         self._types = types
         self._faults: dict[str, str] = {}
-        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL_LENGTH)
         self._identity = ('', '')
         self._with_transforms: bool | None = None
         self._all: list[Any] = []

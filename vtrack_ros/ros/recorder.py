@@ -18,7 +18,7 @@ from vision_msgs.msg import Detection2DArray
 from vtrack_ros.dds import leave
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
-from vtrack_ros.signals import heard_by
+from vtrack_ros.signals import handling_signals
 from vtrack_ros.tracker import Estimate, TrackState
 
 #: Largest number of particles that are kept of a frame.
@@ -64,7 +64,7 @@ class Recorder:
         """Subscribe."""
         self._context = Context()
         # KeyboardInterrupt within the making of a message would come out as another exception.
-        self._signals = heard_by(self._interrupt)
+        self._signals = handling_signals(self._interrupt)
         self._signals.__enter__()
         rclpy.init(args=[], context=self._context,
                    signal_handler_options=rclpy.SignalHandlerOptions.NO)

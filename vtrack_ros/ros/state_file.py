@@ -38,7 +38,7 @@ class StateFile:
         self._frame_id = ''
         self._is_ours = False
         self._writing: Future[None] | None = None
-        self._told = ''
+        self._last_error = ''
         name = node.settings.text('state_file')
         self._path = Path(os.path.realpath(os.path.expanduser(name))) if name else None
         if self._path is None:
@@ -130,10 +130,10 @@ class StateFile:
         """Log why the target could not be written, once for each reason."""
         error: Any = self._writing.exception() if self._writing is not None else None
         text = f'state_file {self._path} could not be written: {error}' if error else ''
-        if text and text != self._told:
+        if text and text != self._last_error:
             self._log.error(text)
         if self._writing is not None:
-            self._told = text
+            self._last_error = text
 
 
 def _write(path: Path, text: str) -> None:

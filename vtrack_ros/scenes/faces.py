@@ -10,7 +10,7 @@ from vtrack_ros.frame import Array
 from vtrack_ros.scenes.canvas import Colour
 from vtrack_ros.scenes.interior import office
 from vtrack_ros.scenes.solid import ball, limb, Paint, plain, render, rotation, striped, surface
-from vtrack_ros.scenes.sprite import keyframes, Motion, Placement, Sprite, stepwise, unrest
+from vtrack_ros.scenes.sprite import keyframes, Motion, piecewise_linear, Placement, Sprite, unrest
 from vtrack_ros.scenes.stage import Actor, FilmCamera, Light, Scene, View
 
 
@@ -158,11 +158,13 @@ def light_change(view: View, rng: np.random.Generator) -> Scene:
         head, lambda time: x(time) + sway_x(time), lambda time: y(time) + sway_y(time),
         keyframes((0, 30), (45, 34), (80, 27), (130, 31)), turn, nod,
         lambda time: 0.25 * turn(time))
-    red = stepwise((0, 1.0), (30, 1.0), (35, 0.34), (62, 0.34), (65, 1.32), (96, 1.28), (104, 0.8))
-    green = stepwise((0, 1.0), (30, 1.0), (35, 0.38), (62, 0.38), (65, 1.1), (96, 1.06),
-                     (104, 0.8))
-    blue = stepwise((0, 1.0), (30, 1.0), (35, 0.5), (62, 0.5), (65, 0.72), (96, 0.7), (104, 0.86))
-    slant = stepwise((0, 0.0), (62, 0.0), (66, 1.0), (96, 1.0), (106, 0.0))
+    red = piecewise_linear((0, 1.0), (30, 1.0), (35, 0.34), (62, 0.34), (65, 1.32), (96, 1.28),
+                           (104, 0.8))
+    green = piecewise_linear((0, 1.0), (30, 1.0), (35, 0.38), (62, 0.38), (65, 1.1), (96, 1.06),
+                             (104, 0.8))
+    blue = piecewise_linear((0, 1.0), (30, 1.0), (35, 0.5), (62, 0.5), (65, 0.72), (96, 0.7),
+                            (104, 0.86))
+    slant = piecewise_linear((0, 0.0), (62, 0.0), (66, 1.0), (96, 1.0), (106, 0.0))
 
     def colour(time: float) -> tuple[float, float, float]:
         flicker = 1 + 0.2 * math.sin(2.2 * time) * (104 < time < 122)
@@ -192,6 +194,6 @@ def light_step(view: View, rng: np.random.Generator) -> Scene:
     passer = person(
         other, keyframes((70, 380), (112, -60)), lambda time: 138.0, lambda time: 38.0,
         lambda time: -0.8, nod, lambda time: 0.0)
-    dim = stepwise((0, 1.0), (55, 1.0), (58, 0.5))
+    dim = piecewise_linear((0, 1.0), (55, 1.0), (58, 0.5))
     return Scene(view, backdrop, (body, face, *passer), 1, FilmCamera(noise=4),
                  Light(lambda time: (dim(time),) * 3))

@@ -129,7 +129,7 @@ def keyframes(*points: tuple[float, float]) -> Motion:
     return lambda time: float(curve(min(max(time, times[0]), times[-1])))
 
 
-def stepwise(*points: tuple[float, float]) -> Motion:
+def piecewise_linear(*points: tuple[float, float]) -> Motion:
     """Return the linear interpolation of (time, value) points; constant outside."""
     times, values = zip(*points)
     return lambda time: float(np.interp(time, times, values))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Buffer lengths: of the newest images and answers, each of which may wait for the other, and of
 #: the trail, in positions.
-_KEPT, _TRAIL = 8, 60
+_BUFFER_LENGTH, _TRAIL_LENGTH = 8, 60
 #: An answer is shown on a later image only if their stamps differ by less, in nanoseconds.
 _RECENT = 1_000_000_000
 #: The values of ~/state that the page shows.
@@ -46,9 +46,9 @@ class Observer:
         self._node = node
         self._target = target
         self._changed, self._said = changed, said
-        self._images: deque[Any] = deque(maxlen=_KEPT)
-        self._answers: deque[Any] = deque(maxlen=_KEPT)
-        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL)
+        self._images: deque[Any] = deque(maxlen=_BUFFER_LENGTH)
+        self._answers: deque[Any] = deque(maxlen=_BUFFER_LENGTH)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL_LENGTH)
         self._identity = ''
         self._state: dict[str, str] = {}
         self._inputs: dict[str, Input] = {}

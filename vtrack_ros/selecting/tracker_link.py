@@ -25,7 +25,7 @@ from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
 
 #: Time-out of a call to a service of the node, in seconds.
-PATIENCE = 5.0
+SERVICE_TIMEOUT = 5.0
 _SERVICES: dict[str, Any] = {
     'reset': Trigger, 'reinit': Trigger, 'larger': Trigger, 'smaller': Trigger, 'enable': SetBool,
     'list_parameters': ListParameters, 'describe_parameters': DescribeParameters,
@@ -99,7 +99,7 @@ class TrackerLink:
             else:
                 self._loop.call_soon_threadsafe(done.set_result, text)
         self._executor.create_task(work)
-        return await asyncio.wait_for(done, PATIENCE)
+        return await asyncio.wait_for(done, SERVICE_TIMEOUT)
 
     def select_box(self, stamp: int, box: Box) -> None:
         """Select the target by a box on the image of a stamp [ns]; errors as `ask`."""
@@ -131,11 +131,11 @@ class TrackerLink:
         request.add_done_callback(
             lambda future: self._loop.call_soon_threadsafe(settle, future))
         try:
-            return await asyncio.wait_for(answer, PATIENCE)
+            return await asyncio.wait_for(answer, SERVICE_TIMEOUT)
         except TimeoutError:
             client.remove_pending_request(request)
             raise TimeoutError(
-                f'{self.target}/{service} did not answer within {PATIENCE:g} s') from None
+                f'{self.target}/{service} did not answer within {SERVICE_TIMEOUT:g} s') from None
 
     async def parameters(self) -> list[dict[str, Any]]:
         """Return the parameters as `parameter_inputs`; errors as `ask`."""

@@ -15,7 +15,7 @@ from vtrack_ros.geometry.affine import rotation
 
 #: Side of the region that a picture shows, relative to the target's longer side: as far as a
 #: search window may reach.
-_SHOWN = 4.0
+_REGION_FACTOR = 4.0
 #: The longest side of a picture, in pixels: larger ones are scaled down.
 LONGEST_SIDE = 256
 
@@ -53,7 +53,7 @@ class Exemplar:
 
 def surroundings(frame: Frame, box: Box) -> tuple[int, int, int, int]:
     """Return the region (left, top, width, height) of a frame about a box, in pixels."""
-    side = _SHOWN * max(box.width, box.height)
+    side = _REGION_FACTOR * max(box.width, box.height)
     around = Box.from_center(*box.center, side, side).clipped(frame.shape[1], frame.shape[0])
     if around is None:
         around = Box(0, 0, frame.shape[1], frame.shape[0])

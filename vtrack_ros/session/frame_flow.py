@@ -11,14 +11,14 @@ MEMORY = 300
 LONGEST_GAP = 30
 #: How much earlier than the newest a late frame may be stamped, in nanoseconds; what is earlier
 #: belongs to a clock that was set back or a stream that begins again.
-LATEST = 1_000_000_000
+MAX_LATENESS = 1_000_000_000
 #: How much more time may pass between two frames by their stamps than on our clock, in
 #: nanoseconds; a frame that is stamped further ahead counts as late.
-AHEAD = 60_000_000_000
+MAX_AHEAD = 60_000_000_000
 #: From this many frames in a row that are stamped before the newest, or too far ahead, their
 #: stamps are believed. If the first stamp recurs after this many frames in order, the stream
 #: begins again.
-MOST_LATE = 3
+RECOVERY_COUNT = 3
 
 
 class Arrival(Enum):
@@ -51,7 +51,7 @@ class FrameFlow:
         self._first = 0
         self._newest: int | None = None
         self._late_in_a_row = self._in_order = self._ahead_in_a_row = 0
-        self._spoilt: deque[int] = deque(maxlen=LONGEST_GAP)
+        self._malformed_stamps: deque[int] = deque(maxlen=LONGEST_GAP)
         self._interrupted = False
         self._interval = FrameIntervalEstimator()
         self._first_arrival = self._last_arrival = self._last_frame = 0
@@ -70,9 +70,9 @@ class FrameFlow:
             self._begin(stamp, stamp)
             return Arrival.NEXT
         self._ahead_in_a_row += 1
-        if stamp <= newest + elapsed + AHEAD:
+        if stamp <= newest + elapsed + MAX_AHEAD:
             self._ahead_in_a_row = 0
-        elif self._ahead_in_a_row < MOST_LATE:
+        elif self._ahead_in_a_row < RECOVERY_COUNT:
             self.late += 1
             return Arrival.LATE
         if stamp < newest:
@@ -80,25 +80,25 @@ class FrameFlow:
             # Some drivers leave out the stamp of some frames.
             unset = stamp == 0 < self._first
             # After frames in order, only the stream's first frame itself can have its stamp.
-            first_again = stamp <= self._first and self._in_order >= MOST_LATE and not unset
-            if ((unset or stamp >= newest - LATEST) and self._late_in_a_row < MOST_LATE
+            first_again = stamp <= self._first and self._in_order >= RECOVERY_COUNT and not unset
+            if ((unset or stamp >= newest - MAX_LATENESS) and self._late_in_a_row < RECOVERY_COUNT
                     and not first_again):
                 self.late += 1
                 return Arrival.LATE
-            again = stamp <= self._first + LATEST
+            again = stamp <= self._first + MAX_LATENESS
             self._begin(stamp if again else min(self._first, stamp), stamp)
             return Arrival.BEGINNING if again else Arrival.RESET
         if stamp > newest and not interrupted:
             gap = self._interval.missing(stamp - newest)
             if gap < LONGEST_GAP:
-                came = sum(newest < one < stamp for one in self._spoilt)
+                came = sum(newest < one < stamp for one in self._malformed_stamps)
                 self.missing += max(0, gap - came)
         self._newest, self._late_in_a_row, self._interrupted = stamp, 0, False
         self._in_order += 1
-        self._spoilt.clear()
+        self._malformed_stamps.clear()
         return Arrival.NEXT
 
-    def spoilt(self, stamp: int, now: int, fault: str) -> None:
+    def count_malformed(self, stamp: int, now: int, fault: str) -> None:
         """
         Count a malformed frame, which came and so isn't missing; the arguments as for `arrived`.
 
@@ -107,7 +107,7 @@ class FrameFlow:
         self.malformed += 1
         self.fault = fault
         self._last_arrival = now
-        self._spoilt.append(stamp)
+        self._malformed_stamps.append(stamp)
 
     def interrupt(self) -> None:
         """Note that no frames are taken for a while: those sent meanwhile aren't missing."""
@@ -140,4 +140,4 @@ class FrameFlow:
         self._late_in_a_row, self._in_order = 0, 1
         self._interval = FrameIntervalEstimator()
         self._interrupted = False
-        self._spoilt.clear()
+        self._malformed_stamps.clear()

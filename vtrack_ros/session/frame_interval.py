@@ -6,7 +6,7 @@ from statistics import median
 import numpy as np
 
 #: Number of the latest intervals; their median is the usual one.
-_USUAL = 15
+_MEDIAN_COUNT = 15
 #: Number of the latest intervals that the camera's own one is fitted to, where frames are lost.
 _MEMORY = 100
 #: Largest median deviation of intervals from whole multiples of the camera's, as a share of it,
@@ -27,7 +27,7 @@ class FrameIntervalEstimator:
     @property
     def interval(self) -> float | None:
         """Return the usual interval [ns], robust to jitter and lost frames."""
-        return median(list(self._intervals)[-_USUAL:]) if self._intervals else None
+        return median(list(self._intervals)[-_MEDIAN_COUNT:]) if self._intervals else None
 
     def add(self, interval: int) -> None:
         """Take the next interval between two stamps, in nanoseconds."""

@@ -33,7 +33,7 @@ _JITTER_SHARE = 0.05
 #: Standard deviation of the jitter that is added for every tracker, in mean sides.
 _LEAST_JITTER = 0.01
 #: Variances assumed for a tracker that gives none, in the units of the state.
-_USUAL = np.array([0.005, 0.005, 0.04, 0.04])
+_ASSUMED_VARIANCES = np.array([0.005, 0.005, 0.04, 0.04])
 #: Squared Mahalanobis distance of an innovation beyond which it's a jump, not motion: exceeded
 #: once in a million, chi-square with 2 degrees of freedom.
 _JUMP = 27.6
@@ -163,11 +163,11 @@ class MotionFilter:
 
 
 def _error(estimate: Estimate, units: Array) -> tuple[Array, bool]:
-    """Return a tracker's covariance in the state's units and True, or `_USUAL` and False."""
+    """Return a tracker's covariance in the state's units, True; or the assumed one, False."""
     error = estimate.covariance / np.outer(units, units)
     if np.isfinite(error).all() and np.linalg.eigvalsh(error)[0] > -_LEAST_JITTER**2:
         return error, True
-    return np.diag(_USUAL), False
+    return np.diag(_ASSUMED_VARIANCES), False
 
 
 def _units(side: float, box: Box) -> Array:

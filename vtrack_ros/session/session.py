@@ -21,7 +21,7 @@ from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracke
 LONGEST_STEP = 30.0
 #: A new tracker is updated this many times with the frame of the last measurement; and before
 #: that, with the exemplar rotated in steps of at most this angle, [rad].
-_SHOWN, _TURN = 5, 0.1
+_REPEATS, _TURN_STEP = 5, 0.1
 #: It has recognised the target if its box overlaps the last measured one by at least this (IoU),
 #: and its rotation differs by at most this, [rad].
 _SAME_PLACE, _SAME_ANGLE = 0.5, 0.3
@@ -214,10 +214,10 @@ class TrackingSession:
         """
         frame, stamp, shape = seen.frame, seen.stamp, seen.frame.shape
         self._start(tracker, exemplar.placed(seen.box, shape), stamp, seen.box)
-        steps = math.ceil(abs(seen.angle) / _TURN)
+        steps = math.ceil(abs(seen.angle) / _TURN_STEP)
         for step in range(1, steps + 1):
             self.update(exemplar.placed(seen.box, shape, step / steps * seen.angle), stamp)
-        for _ in range(_SHOWN):
+        for _ in range(_REPEATS):
             estimate = self.update(frame, stamp)
         if not (estimate is not None and estimate.measured
                 and estimate.box.iou(seen.bound) >= _SAME_PLACE

@@ -21,8 +21,8 @@ _COARSE_STEPS, _COARSE_TOLERANCE = 8, 0.1
 _FINE_STEPS, _FINE_TOLERANCE = 8, 0.02
 #: Fine bandwidth, in target sizes: half the standard deviation of the response's peak.
 _FINE = 1 / 32
-#: Response r as a likelihood: its logarithm is -_SHARPNESS * (peak - r) / peak.
-_SHARPNESS = 20.0
+#: Response r as a likelihood: its logarithm is -_LIKELIHOOD_GAIN * (peak - r) / peak.
+_LIKELIHOOD_GAIN = 20.0
 
 
 class MeanShiftParticleFilter(LocalisedTracker):
@@ -113,7 +113,7 @@ def _spread(response: ResponseMap, center: Point) -> Array:
     """Return the covariance of the place under the response taken as a likelihood, [px^2]."""
     # relative to the peak, whose likelihood is 1: small and negative responses do no harm
     excess = (response.values - response.peak).astype(np.float64)
-    likelihood = np.exp(_SHARPNESS / max(response.peak, 1e-6) * excess)
+    likelihood = np.exp(_LIKELIHOOD_GAIN / max(response.peak, 1e-6) * excess)
     likelihood /= likelihood.sum()
     places = [(np.arange(count) - at) * cell for count, at, cell in zip(
         reversed(likelihood.shape), response.cells(np.array([center]))[0], response.window.cell)]

@@ -20,11 +20,11 @@ from vtrack_ros.trackers.localised_tracker import LocalisedTracker
 #: and a product of terms that aren't independent is overconfident.
 _TEMPERED = 0.3
 #: Share of the usual response below which the particles' rotation is tried for the search window.
-_SHORT = 0.9
+_LOW_RESPONSE = 0.9
 #: Least difference of the particles' rotation from the localiser's for it to be tried, [rad].
-_WORTH_TURNING = 0.06
+_LEAST_TURN = 0.06
 #: Least ratio of the peak with the particles' rotation to the peak without for it to be used.
-_GAIN = 1.05
+_LEAST_GAIN = 1.05
 #: Samples along each side of a patch.
 _SIDE = 24
 
@@ -108,12 +108,12 @@ class AffineParticleFilter(LocalisedTracker):
         """Return the place found, or that in a window with the particles' rotation, if better."""
         localiser, response = self._localiser, found.response
         angle = float(affine.angle(self._state))
-        if (found.hidden or response.peak >= _SHORT * localiser.usual_response
+        if (found.hidden or response.peak >= _LOW_RESPONSE * localiser.usual_response
                 or localiser.network is not None
-                or abs(angle - localiser.angle) <= _WORTH_TURNING):
+                or abs(angle - localiser.angle) <= _LEAST_TURN):
             return found
         other = localiser.localise(frame, found.place, angle)
-        if other.peak < _GAIN * response.peak:
+        if other.peak < _LEAST_GAIN * response.peak:
             return found
         return replace(found, response=other, place=other.center)
 

@@ -24,7 +24,7 @@ _MEASURED_ERROR = 0.05
 #: Relative change of the target's size at which the motion model is made anew.
 _OTHER_SIZE = 0.1
 #: Distance of the particles' mean from the target, in sides, above which they are shifted to it.
-_CARRIED = 0.25
+_SHIFT_DISTANCE = 0.25
 #: Particles have missed the target if their weighted mean response is below this share of that at
 #: the target's place.
 _MISSED = 0.8
@@ -135,7 +135,7 @@ class ParticleTracker(LocalisedTracker):
     def _correct(self, mean: Array) -> None:
         """Let the next forecast start at the target's place; shift particles far from it there."""
         center, belief = self._localiser.center, self._filter.belief
-        if math.dist(center, mean.tolist()) > _CARRIED * self._side:
+        if math.dist(center, mean.tolist()) > _SHIFT_DISTANCE * self._side:
             states = belief.states.copy()
             states[:, :2] += center - mean
             belief = self._filter.belief = replace(belief, states=states)
