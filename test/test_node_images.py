@@ -35,18 +35,11 @@ def _fresh(client):
     client.index = 0
 
 
-def send(client, frame, encoding=None, step_padding=0, bigendian=0):
+def send(client, frame, encoding=None):
     """Send the next frame in an encoding."""
     stamp = client.start + STEP * client.index
     client.index += 1
-    message = image_message(frame, stamp, encoding)
-    if step_padding:
-        rows = frame.reshape(frame.shape[0], -1).view(np.uint8)
-        padded = np.full((rows.shape[0], rows.shape[1] + step_padding), 255, np.uint8)
-        padded[:, :rows.shape[1]] = rows
-        message.step, message.data = padded.shape[1], padded.tobytes()
-    message.is_bigendian = bigendian
-    return client.send_message(message)
+    return client.send_message(image_message(frame, stamp, encoding))
 
 
 def luma(frame):

@@ -18,7 +18,7 @@ COLUMNS = {
     'followed': ('followed', '.0%'), 'finished': ('finished', '.0%'),
     'before': ('on it before', '.0%'), 'hidden': ('error while hidden, px', '.1f'),
     'overlap': ('overlap while hidden', '.2f'), 'after': ('on it afterwards', '.0%'),
-    'shown': ('error at the turns, px', '.1f'), 'early': ('error in frames 10-169, px', '.1f'),
+    'shown': ('error at the turns, px', '.1f'),
     'error_on': ('error while on it, px', '.2f'), 'kept': ('frames on it', '.0%'),
     'jerk': ('change of the error, px', '.2f'), 'frames': ('frames per run', '.1f'),
     'hit_share': ('share of search frames', '.0%'), 'ms': ('ms', '.2f'), 'cei': ('CEI', '.3f')}
