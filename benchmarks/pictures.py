@@ -1,9 +1,9 @@
 """
 The pictures of README and the documentation, from the project's own scenes and result files.
 
-`python benchmarks/pictures.py [scenes] [parameters] [animation] [plot]` writes
-docs/images/scenes.jpg, parameters.jpg, tracking.webp and accuracy_speed.svg; without arguments all
-of them.
+`python benchmarks/pictures.py [scenes] [parameters] [click] [animation] [plot]` writes
+docs/images/scenes.jpg, parameters.jpg, click.jpg, tracking.webp and accuracy_speed.svg; without
+arguments all of them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 import numpy as np
 from PIL import Image
 
+from vtrack_ros.appearance.extent import find_extent, next_extent
 from vtrack_ros.drawing import AnnotatedFrame, contact_sheet
 from vtrack_ros.evaluation.charts import colour, svg
 from vtrack_ros.scenes import render, scene_names
@@ -37,6 +38,9 @@ ANIMATED = {'scale_change': (20, 110), 'full_occlusion': (30, 120), 'light_chang
 #: Parameters of gmpf on the sheet -> (low value, default, high value).
 VARIED = {'particles': (10, 150, 1000), 'acceleration': (0.02, 0.2, 1.0),
           'temperature': (0.01, 0.07, 0.5)}
+#: Scenes in which the target is clicked on -> frame.
+CLICKED = {'light_change': 0, 'leave_and_return': 20}
+FOUND = (60, 220, 60)
 #: Size of a picture, [px]; in the animation, step [frames] and duration of each picture, [ms].
 SIZE, STEP, SHOWN = (280, 210), 2, 80
 
@@ -98,6 +102,24 @@ def write_parameters(path: Path) -> None:
     cv2.imwrite(str(path), contact_sheet(pictures, columns=3), [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 
+def write_click(path: Path) -> None:
+    """Write a sheet with the extents found about a click, each row by steps in one scene."""
+    pictures = []
+    for scene, index in CLICKED.items():
+        *_, shot = render(scene, frames=index + 1)
+        assert shot.truth is not None
+        x, y = click = tuple(round(place) for place in shot.truth.center)
+        box = find_extent(shot.frame, x, y)
+        larger = next_extent(shot.frame, box, larger=True)
+        smaller = next_extent(shot.frame, larger, larger=False)
+        for extent, text in ((box, 'a click'), (larger, 'Larger'), (smaller, 'Smaller')):
+            picture = AnnotatedFrame(shot.frame, enlarge=False)
+            picture.box(extent, FOUND)
+            cv2.drawMarker(picture.picture, click, (255, 255, 255), cv2.MARKER_CROSS, 12, 2)
+            pictures.append(captioned(resized(picture.picture, ''), text))
+    cv2.imwrite(str(path), contact_sheet(pictures, columns=3), [cv2.IMWRITE_JPEG_QUALITY, 82])
+
+
 def write_animation(path: Path) -> None:
     """Write an animated WebP of some scenes side by side."""
     films = [[resized(*one) for one in tracked(name, last)][first::STEP]
@@ -137,6 +159,7 @@ def write_plot(path: Path) -> None:
 
 MADE = {'scenes': (write_scenes, 'scenes.jpg'),
         'parameters': (write_parameters, 'parameters.jpg'),
+        'click': (write_click, 'click.jpg'),
         'animation': (write_animation, 'tracking.webp'),
         'plot': (write_plot, 'accuracy_speed.svg')}
 
