@@ -40,7 +40,7 @@ def test_step_by_step_to_the_end(kind, center, larger):
     """Each extent differs in area by a factor of 1.5, is inside, and the last one is said."""
     frame = figure() if kind == 'colour' else figure()[..., 0].copy()
     box = Box.from_center(*center, 30, 40)
-    with pytest.raises(ValueError, match='no box of .* in the image of 320 x 240'):
+    with pytest.raises(ValueError, match='found no extent of .* in the image of 320 x 240'):
         for _ in range(30):
             found = next_extent(frame, box, larger)
             assert found.clipped(320, 240) == found
@@ -59,5 +59,5 @@ def test_same_answer_again():
 def test_tiny_pictures(shape):
     """Where there's no room for another extent, that is said."""
     frame = np.zeros(shape, np.uint8)
-    with pytest.raises(ValueError, match='no box'):
+    with pytest.raises(ValueError, match='found no extent'):
         next_extent(frame, Box(0, 0, shape[1], shape[0]), larger=True)

@@ -293,7 +293,7 @@ def test_larger_and_smaller(client, process):
     assert box.area < areas[0] < areas[1] > areas[2]
     for _ in range(30):
         answer = client.ask('~/larger', Trigger)
-    assert not answer.success and 'the box is unchanged: found no box' in answer.message
+    assert not answer.success and 'the box is unchanged: found no extent' in answer.message
 
 
 def said(client, since=0):

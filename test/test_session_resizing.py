@@ -64,7 +64,7 @@ def test_exemplar_is_of_the_new_extent():
 def test_nothing_larger_keeps_the_target():
     """At the end of the image it's refused, and tracking goes on in the box of before."""
     session = on_the_part()
-    with pytest.raises(ValueError, match='no box'):
+    with pytest.raises(ValueError, match='found no extent'):
         for _ in range(30):
             session.resize(True)
     before = session.estimate.box

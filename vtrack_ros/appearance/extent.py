@@ -111,13 +111,14 @@ def _most_probable(frame: Frame, x: float, y: float, least: float = 0.0,
     inside = np.minimum(center + sizes / 2, (width, height)) - np.maximum(center - sizes / 2, 0)
     possible = (inside.prod(axis=1) >= least) & (inside.prod(axis=1) <= most)
     if not possible.any():
-        raise ValueError(f'found no box of {least:.0f} to {most:.0f} px^2 at ({x:.0f}, {y:.0f}) '
-                         f'in the image of {width} x {height}')
+        area = f'{least:.0f} px^2 or more' if least else f'{most:.0f} px^2 or less'
+        raise ValueError(f'found no extent of {area} about ({x:.0f}, {y:.0f}) in the image of '
+                         f'{width} x {height}')
     sizes, scores = sizes[possible], scores[possible]
     probability = np.exp(scores - scores.max())
     shared = np.minimum(sizes[:, None], sizes).prod(axis=2)
-    area = sizes.prod(axis=1)
-    overlap = shared / (area[:, None] + area - shared)
+    areas = sizes.prod(axis=1)
+    overlap = shared / (areas[:, None] + areas - shared)
     w, h = sizes[np.argmax(overlap @ probability)]
     box = Box.from_center(x, y, float(w), float(h))
     box = box.clipped(width, height) or box
