@@ -44,7 +44,7 @@ def square(side: float) -> Method:
 
 
 def stepwise(steps: int) -> Method:
-    """Return the best box by at most so many steps to the next larger, or smaller, extent."""
+    """Return the best box after at most `steps` steps to the next larger, or smaller, extent."""
     def find(frame: Frame, x: float, y: float, truth: Box) -> Box:
         first = find_extent(frame, x, y)
         boxes = [first]
