@@ -109,7 +109,8 @@ def _most_probable(frame: Frame, x: float, y: float, least: float = 0.0,
     sizes, scores = (np.concatenate(part) for part in zip(*rows))
     center = np.array([x, y])
     inside = np.minimum(center + sizes / 2, (width, height)) - np.maximum(center - sizes / 2, 0)
-    possible = (inside.prod(axis=1) >= least) & (inside.prod(axis=1) <= most)
+    visible_areas = inside.prod(axis=1)
+    possible = (visible_areas >= least) & (visible_areas <= most)
     if not possible.any():
         area = f'{least:.0f} px^2 or more' if least else f'{most:.0f} px^2 or less'
         raise ValueError(f'found no extent of {area} about ({x:.0f}, {y:.0f}) in the image of '
