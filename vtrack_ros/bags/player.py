@@ -164,9 +164,10 @@ class Player:
                 tick += 1
             if not self._sleep_until(began + due):
                 return
+            self._publishers[message.topic].publish(bytes(message.data))
+            # publishing itself may be held up, so the delay is measured after it
             if (late := time.monotonic() - began - due) > _MOST_DELAY:
                 began += late
-            self._publishers[message.topic].publish(bytes(message.data))
             name = self.published_name(message.topic)
             played.counts[name] += 1
             if message.topic in self._images:
