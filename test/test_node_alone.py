@@ -216,7 +216,7 @@ def test_quality_of_service_that_is_not_overridden_is_told():
     name = 'qos_overrides./image.subscription.reliability'
     clock = 'qos_overrides./clock.subscription.depth'
     with NodeProcess('-p', f'{name}:=best_effort', '-p', f'{clock}:=2') as process:
-        log = process.wait_for_log(f"unknown parameter '{name}' ignored; each ")
+        log = process.wait_for_log(f"unknown parameter '{name}' ignored; each subscription adopts")
         assert "'reliability'" in log
         process.wait_for_log('waiting (was inactive)')
         assert '/clock' not in process.log
