@@ -44,6 +44,15 @@ def test_it_finds_the_first_look_anywhere_in_the_frame(search_and_live):
     assert found[0].similarity > 0.5
 
 
+@pytest.mark.parametrize('x', [30.0, 90.0, 200.0, 290.0])
+@pytest.mark.parametrize('y', [30.0, 120.0, 215.0])
+def test_it_covers_the_frame_within_ten_frames_of_doubt(search_and_live, x, y):
+    """Wherever the target is, it's sighted soon after the 30 frames of failure."""
+    search, live = search_and_live
+    found = sightings(search, live, VIDEO.frame((x, y)), 0.05, 40, failed=True)
+    assert any(found[30:])
+
+
 def test_what_resembles_the_first_look_is_not_doubted(search_and_live):
     """A place of similarity 0.2 isn't left, however similar another one is."""
     search, live = search_and_live

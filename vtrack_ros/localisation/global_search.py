@@ -12,7 +12,8 @@ from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.distractors import is_distractor
 from vtrack_ros.localisation.presence import evidence, InitialTemplate
-from vtrack_ros.localisation.search_window import inside
+from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.search_window import inside, Step
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
 #: What is tracked is doubted after a time with a low moving average of its similarity, or after a
@@ -24,8 +25,9 @@ _RATE, _DOUBTED_SIMILARITY, _DOUBTED_FRAMES, _FAILED_FRAMES = 0.05, 0.15, 20.0, 
 _CONFIRMED = 0.9
 #: Weight of the latest frame in the recent similarity, which other places are compared with.
 _RECENT_RATE = 0.25
-#: Places searched in a frame, besides one about where the target was lost.
-_SEARCHES = 2
+#: Windows about a place anywhere in the frame, by steps of half a window (right, down): they
+#: share their features, so that five of them take the time of three and a half separate ones.
+_WINDOWS: tuple[Step, ...] = ((0, 0), (-1, -1), (1, -1), (-1, 1), (1, 1))
 #: A place is the target's from these values on: similarity to the initial template; its ratio to
 #: that of what is tracked, anywhere, and about where the target was lost; log-odds of presence.
 _LEAST_SIMILARITY, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
@@ -70,7 +72,8 @@ class GlobalSearch:
         # a generator of its own: searching doesn't change what others draw
         self._rng = rng.spawn(1)[0]
         self._size = size
-        self._looks = 0
+        #: Number of places anywhere in the frame that were searched.
+        self._searches = 0
         self.restart(1.0)
 
     def restart(self, similarity: float, usual: float = 0.0, lost: Point | None = None) -> None:
@@ -111,46 +114,52 @@ class GlobalSearch:
             return None
         tracked, candidate = max(self._recent, similarity), self._candidate
         if candidate is None:
-            for place, size, self._gain in self._places(frame, live):
-                self._candidate = self._look(
-                    frame, live, inside(place, frame), size, tracked, distractors)
+            for response, size, self._gain in self._searched(frame, live):
+                self._candidate = self._look(frame, live, response, size, tracked, distractors)
                 if self._candidate is not None:
                     break
             self._waited = 0.0
             return None
         self._waited += dt
-        found = self._look(frame, live, candidate.center, candidate.size, tracked, distractors)
+        response = self._model.localise(frame, candidate.center, candidate.size)
+        found = self._look(frame, live, response, candidate.size, tracked, distractors)
         if found is None and self._waited > _CONFIRMING:
             self._candidate = None
         return found
 
-    def _places(self, frame: Frame, live: TargetSnapshot) -> Iterator[tuple[Point, Point, float]]:
+    def _searched(self, frame: Frame,
+                  live: TargetSnapshot) -> Iterator[tuple[ResponseMap, Point, float]]:
         """
-        Return the next places, in pixels, with the size that's searched there, and its `_gain`.
+        Search the next places; return each one's response, the size searched, and its `_gain`.
 
-        One about where the target was lost, unless it's tracked there; the others about what is
-        tracked and anywhere in the frame, in turns.
+        One about where the target was lost, unless it's tracked there; one about what is tracked;
+        and one anywhere in the frame.
         """
         height, width = frame.shape[:2]
         if self._lost is not None and not _overlaps(live, self._lost, self._size):
-            side = math.sqrt(math.prod(self._size))
-            x, y = self._lost + _NEAR_WHERE_LOST * side * self._rng.standard_normal(2)
-            yield (float(x), float(y)), self._size, _GAIN_WHERE_LOST
-        for _ in range(_SEARCHES):
-            self._looks += 1
-            size = self._first_size if self._rng.random() < _FIRST_SIZE else self._size
-            if self._looks % 2:
-                x, y = live.center + (
-                    _NEAR * math.sqrt(math.prod(size)) * self._rng.standard_normal(2))
-            else:
-                x, y = ((0.5 + self._looks * step) % 1.0 * side
-                        for step, side in zip(_STEP, (width, height)))
-            yield (float(x), float(y)), size, _GAIN
+            yield (self._localised_about(frame, self._lost, _NEAR_WHERE_LOST, self._size),
+                   self._size, _GAIN_WHERE_LOST)
+        size = self._either_size()
+        yield self._localised_about(frame, live.center, _NEAR, size), size, _GAIN
+        size = self._either_size()
+        self._searches += 1
+        x, y = ((0.5 + self._searches * step) % 1.0 * side
+                for step, side in zip(_STEP, (width, height)))
+        responses = self._model.localise_beside(frame, (x, y), size, 0.0, _WINDOWS)
+        yield max(responses, key=lambda each: each.peak), size, _GAIN
 
-    def _look(self, frame: Frame, live: TargetSnapshot, place: Point, size: Point, tracked: float,
-              distractors: Sequence[Point]) -> Sighting | None:
-        """Return the target as it's seen about a place, in that size, or None if it isn't."""
-        response = self._model.localise(frame, place, size)
+    def _either_size(self) -> Point:
+        return self._first_size if self._rng.random() < _FIRST_SIZE else self._size
+
+    def _localised_about(self, frame: Frame, center: Point, spread: float,
+                         size: Point) -> ResponseMap:
+        """Return the response at a random place about a centre; `spread` is in sides."""
+        x, y = center + spread * math.sqrt(math.prod(size)) * self._rng.standard_normal(2)
+        return self._model.localise(frame, inside((float(x), float(y)), frame), size)
+
+    def _look(self, frame: Frame, live: TargetSnapshot, response: ResponseMap, size: Point,
+              tracked: float, distractors: Sequence[Point]) -> Sighting | None:
+        """Return the target at the response's maximum, in that size, or None if it isn't there."""
         center = inside(response.center, frame)
         if _overlaps(live, center, size):
             return None
