@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+import itertools
 
 from drawn_video import DrawnVideo, region_at, TARGET, texture
 import numpy as np
@@ -18,8 +19,7 @@ HERE, ELSEWHERE = (60.0, 60.0), (250.0, 180.0)
 VIDEO = DrawnVideo(seed=4, blob=60)
 
 
-@pytest.fixture
-def search_and_live():
+def searching():
     """Return a search for the first frame's target, and the snapshot tracked instead of it."""
     frame = VIDEO.frame(HERE)
     window = WindowLayout.around(*TARGET).window(frame, HERE, TARGET)
@@ -28,6 +28,12 @@ def search_and_live():
     search = GlobalSearch(
         model, InitialTemplate.of(model, window), TARGET, np.random.default_rng(1))
     return search, live
+
+
+@pytest.fixture
+def search_and_live():
+    """Return a search and what is tracked, as `searching` does."""
+    return searching()
 
 
 def sightings(search, live, frame, similarity, frames, dt=1.0, failed=False, distractors=()):
@@ -44,13 +50,14 @@ def test_it_finds_the_first_look_anywhere_in_the_frame(search_and_live):
     assert found[0].similarity > 0.5
 
 
-@pytest.mark.parametrize('x', [30.0, 90.0, 200.0, 290.0])
-@pytest.mark.parametrize('y', [30.0, 120.0, 215.0])
-def test_it_covers_the_frame_within_ten_frames_of_doubt(search_and_live, x, y):
-    """Wherever the target is, it's sighted soon after the 30 frames of failure."""
-    search, live = search_and_live
-    found = sightings(search, live, VIDEO.frame((x, y)), 0.05, 40, failed=True)
-    assert any(found[30:])
+def test_it_soon_covers_the_frame():
+    """After 30 frames of failure the target is sighted in a few frames, wherever it is."""
+    delays = []
+    for place in itertools.product((30.0, 90.0, 200.0, 290.0), (30.0, 120.0, 215.0)):
+        search, live = searching()
+        found = sightings(search, live, VIDEO.frame(place), 0.05, 60, failed=True)
+        delays.append(next(index for index, one in enumerate(found) if one) - 29)
+    assert np.mean(delays) < 4
 
 
 def test_what_resembles_the_first_look_is_not_doubted(search_and_live):
@@ -193,7 +200,7 @@ def test_what_is_half_like_the_target_is_left_for_it_however_the_failure_ended(s
 def test_what_is_a_little_like_the_target_is_left_for_it_wherever_it_was_found(seed):
     """The search of the whole frame after a long absence finds it, and later the target."""
     hidden, little = VIDEO.frame(None), VIDEO.frame(None)
-    little[120:, 160:] = (0.73 * hidden + 0.27 * VIDEO.frame(ELSEWHERE))[120:, 160:]
+    little[120:, 160:] = (0.8 * hidden + 0.2 * VIDEO.frame(ELSEWHERE))[120:, 160:]
     both = little.copy()
     both[:120, :160] = VIDEO.frame(HERE)[:120, :160]
     localiser = Localiser(VIDEO.frame(HERE), HERE, TARGET, np.random.default_rng(seed))

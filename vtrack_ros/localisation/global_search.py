@@ -31,6 +31,9 @@ _WINDOWS: tuple[Step, ...] = ((0, 0), (-1, -1), (1, -1), (-1, 1), (1, 1))
 #: A place is the target's from these values on: similarity to the initial template; its ratio to
 #: that of what is tracked, anywhere, and about where the target was lost; log-odds of presence.
 _LEAST_SIMILARITY, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
+#: Highest response times sharpness below which a place isn't compared with the template: of those
+#: that were the target's none had less, of the others seven in ten.
+_PROMISING = 0.6
 #: Time, [frames], within which it has to be found there again.
 _CONFIRMING = 5.0
 #: Overlap (IoU) with the box that is tracked above which a place is the same one.
@@ -145,8 +148,8 @@ class GlobalSearch:
         self._searches += 1
         x, y = ((0.5 + self._searches * step) % 1.0 * side
                 for step, side in zip(_STEP, (width, height)))
-        responses = self._model.localise_beside(frame, (x, y), size, 0.0, _WINDOWS)
-        yield max(responses, key=lambda each: each.peak), size, _GAIN
+        for response in self._model.localise_beside(frame, (x, y), size, 0.0, _WINDOWS):
+            yield response, size, _GAIN
 
     def _either_size(self) -> Point:
         return self._first_size if self._rng.random() < _FIRST_SIZE else self._size
@@ -161,7 +164,7 @@ class GlobalSearch:
               tracked: float, distractors: Sequence[Point]) -> Sighting | None:
         """Return the target at the response's maximum, in that size, or None if it isn't there."""
         center = inside(response.center, frame)
-        if _overlaps(live, center, size):
+        if response.peak * response.sharpness < _PROMISING or _overlaps(live, center, size):
             return None
         if self._gain < _GAIN and is_distractor(center, distractors, math.sqrt(math.prod(size))):
             return None
