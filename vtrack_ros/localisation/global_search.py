@@ -40,10 +40,10 @@ _CONFIRMING = 5.0
 _SAME_PLACE = 0.3
 #: Probability that the target is searched at its first size; else at the last one not in doubt.
 _FIRST_SIZE = 0.4
-#: Standard deviations, [sides], of the places about what is tracked, and about where it was lost;
-#: steps, as shares of the frame, of a low-discrepancy sequence of all other places: the golden
-#: section of the plane, which spreads any number of them evenly.
-_NEAR, _NEAR_WHERE_LOST, _STEP = 2.5, 1.0, (0.7548776662, 0.5698402910)
+#: Standard deviation, [sides], of the places about where it was lost; interval [frames] at which
+#: what is tracked is searched about; steps, as shares of the frame, of a low-discrepancy sequence
+#: of all other places: the golden section of the plane, which spreads any number of them evenly.
+_NEAR_WHERE_LOST, _BESIDE_EVERY, _STEP = 1.0, 4, (0.7548776662, 0.5698402910)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class GlobalSearch:
         # a generator of its own: searching doesn't change what others draw
         self._rng = rng.spawn(1)[0]
         self._size = size
-        #: Number of places anywhere in the frame that were searched.
+        #: Number of frames in which the search went on so far.
         self._searches = 0
         self.restart(1.0)
 
@@ -135,30 +135,24 @@ class GlobalSearch:
         """
         Search the next places; return each one's response, the size searched, and its `_gain`.
 
-        One about where the target was lost, unless it's tracked there; one about what is tracked;
-        and one anywhere in the frame.
+        One about where the target was lost, unless it's tracked there; and one anywhere in the
+        frame, or, every `_BESIDE_EVERY` frames, about what is tracked.
         """
-        height, width = frame.shape[:2]
-        if self._lost is not None and not _overlaps(live, self._lost, self._size):
-            yield (self._localised_about(frame, self._lost, _NEAR_WHERE_LOST, self._size),
-                   self._size, _GAIN_WHERE_LOST)
-        size = self._either_size()
-        yield self._localised_about(frame, live.center, _NEAR, size), size, _GAIN
-        size = self._either_size()
+        size, side = self._size, math.sqrt(math.prod(self._size))
+        if self._lost is not None and not _overlaps(live, self._lost, size):
+            x, y = self._lost + _NEAR_WHERE_LOST * side * self._rng.standard_normal(2)
+            place = inside((float(x), float(y)), frame)
+            yield self._model.localise(frame, place, size), size, _GAIN_WHERE_LOST
+        if self._rng.random() < _FIRST_SIZE:
+            size = self._first_size
         self._searches += 1
-        x, y = ((0.5 + self._searches * step) % 1.0 * side
-                for step, side in zip(_STEP, (width, height)))
+        if self._searches % _BESIDE_EVERY:
+            x, y = ((0.5 + self._searches * step) % 1.0 * length
+                    for step, length in zip(_STEP, frame.shape[1::-1]))
+        else:
+            x, y = live.center
         for response in self._model.localise_beside(frame, (x, y), size, 0.0, _WINDOWS):
             yield response, size, _GAIN
-
-    def _either_size(self) -> Point:
-        return self._first_size if self._rng.random() < _FIRST_SIZE else self._size
-
-    def _localised_about(self, frame: Frame, center: Point, spread: float,
-                         size: Point) -> ResponseMap:
-        """Return the response at a random place about a centre; `spread` is in sides."""
-        x, y = center + spread * math.sqrt(math.prod(size)) * self._rng.standard_normal(2)
-        return self._model.localise(frame, inside((float(x), float(y)), frame), size)
 
     def _look(self, frame: Frame, live: TargetSnapshot, response: ResponseMap, size: Point,
               tracked: float, distractors: Sequence[Point]) -> Sighting | None:
