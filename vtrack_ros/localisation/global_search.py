@@ -31,8 +31,8 @@ _WINDOWS: tuple[Step, ...] = ((0, 0), (-1, -1), (1, -1), (-1, 1), (1, 1))
 #: A place is the target's from these values on: similarity to the initial template; its ratio to
 #: that of what is tracked, anywhere, and about where the target was lost; log-odds of presence.
 _LEAST_SIMILARITY, _GAIN, _GAIN_WHERE_LOST, _EVIDENT = 0.18, 1.3, 1.0, 0.7
-#: Highest response times sharpness below which a place isn't compared with the template: of those
-#: that were the target's none had less, of the others seven in ten.
+#: Highest response times sharpness below which a place isn't compared with the template: of 49
+#: places that were accepted without this bound none had less, of the others seven in ten.
 _PROMISING = 0.6
 #: Time, [frames], within which it has to be found there again.
 _CONFIRMING = 5.0
@@ -157,8 +157,10 @@ class GlobalSearch:
     def _look(self, frame: Frame, live: TargetSnapshot, response: ResponseMap, size: Point,
               tracked: float, distractors: Sequence[Point]) -> Sighting | None:
         """Return the target at the response's maximum, in that size, or None if it isn't there."""
+        if response.peak * response.sharpness < _PROMISING:
+            return None
         center = inside(response.center, frame)
-        if response.peak * response.sharpness < _PROMISING or _overlaps(live, center, size):
+        if _overlaps(live, center, size):
             return None
         if self._gain < _GAIN and is_distractor(center, distractors, math.sqrt(math.prod(size))):
             return None
