@@ -1,7 +1,8 @@
 """Two models of one target, and a search that's guided by forecasts."""
 
 import cv2
-from drawn_video import box_at, DrawnVideo, SIZE, START, TARGET, texture
+from drawn_video import (
+    box_at, DrawnVideo, region_at, SIZE, START, straight, TARGET, texture)
 import numpy as np
 import pytest
 
@@ -171,3 +172,25 @@ def test_maxima_are_the_tops():
     assert max(value for _, value in tops) == response.peak
     assert response.center in [place for place, _ in tops]
     assert all(value >= 0.6 * response.peak for _, value in tops)
+
+
+def before_a_plain_wall(center):
+    """Draw the target before a wall, on which a camera's motion can't be measured."""
+    image = np.full((SIZE[1], SIZE[0], 3), 120, np.uint8)
+    image[region_at(center)] = VIDEO.frame(center, noise=0.0)[region_at(center)]
+    return image
+
+
+def test_out_of_sight_a_velocity_fades_with_time():
+    """After six frames, or two of three times the interval, it's searched at the same place."""
+    path, places = straight(20, (5, 1)), []
+    for dt in (1.0, 3.0):
+        target, search, _ = follow(path, before_a_plain_wall)
+        for _ in range(round(6 / dt)):
+            search.follow(dt, elsewhere=True)
+        localise, searched = target.localise, []
+        target.localise = lambda *args: searched.append(args[1]) or localise(*args)
+        search.search(before_a_plain_wall(path[-1]), 1.0)
+        places.append(np.subtract(searched[0], path[-1]))
+    assert places[0] == pytest.approx(places[1], abs=1e-6)
+    assert places[0] == pytest.approx([5 * 0.9**6, 0.9**6], abs=0.7)

@@ -26,3 +26,9 @@ def test_a_mean_begins_as_a_plain_one_and_goes_on_at_its_rate():
 def test_a_step_longer_than_the_mean_is_all_of_it():
     """After a gap the weight of the latest value is 1, and never more."""
     assert latest_weight(0.5, 30.0, 40.0) == 1.0
+
+
+def test_a_mean_over_a_long_time_goes_on_at_its_rate():
+    """Without a time the weight is that of a moving average: the rate, per frame."""
+    assert latest_weight(0.1, 1.0) == 0.1
+    assert latest_weight(0.1, 4.0) == pytest.approx(0.4)

@@ -13,17 +13,18 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.distractors import is_distractor
 from vtrack_ros.localisation.presence import evidence, InitialTemplate
 from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import inside, Step
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
 #: What is tracked is doubted after a time with a low moving average of its similarity, or after a
-#: longer tracking failure: weight of the latest frame, level below which the average is low, and
+#: longer tracking failure: weight per frame, level below which the average is low, and
 #: the two times, [frames].
 _RATE, _DOUBTED_SIMILARITY, _DOUBTED_FRAMES, _FAILED_FRAMES = 0.05, 0.15, 20.0, 30.0
 #: What was found after a failure is doubted at once, until its recent similarity reaches this
 #: share of the one that was usual before.
 _CONFIRMED = 0.9
-#: Weight of the latest frame in the recent similarity, which other places are compared with.
+#: Weight per frame in the recent similarity, which other places are compared with.
 _RECENT_RATE = 0.25
 #: Windows about a place anywhere in the frame, by steps of half a window (right, down): they
 #: share their features, so that five of them take the time of three and a half separate ones.
@@ -54,6 +55,8 @@ class Sighting:
     size: Point
     similarity: float
     sharpness: float
+    #: Least ratio of its similarity to that of what is tracked.
+    gain: float
 
 
 class GlobalSearch:
@@ -92,8 +95,6 @@ class GlobalSearch:
         self._doubted = self._failed = 0.0
         self._candidate: Sighting | None = None
         self._waited = 0.0
-        #: Least ratio of the similarity at the place searched to that of what is tracked.
-        self._gain = _GAIN
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, failed: bool,
                dt: float, distractors: Sequence[Point] = ()) -> Sighting | None:
@@ -103,8 +104,8 @@ class GlobalSearch:
         `similarity` is the live place's to the initial template, `failed` tells whether tracking
         has failed there. The places of `distractors` near it are in pixels.
         """
-        self._mean += _RATE * (similarity - self._mean)
-        self._recent += _RECENT_RATE * (similarity - self._recent)
+        self._mean += latest_weight(_RATE, dt) * (similarity - self._mean)
+        self._recent += latest_weight(_RECENT_RATE, dt) * (similarity - self._recent)
         self._failed = self._failed + dt if failed else 0.0
         self._doubted = self._doubted + dt if self._mean < _DOUBTED_SIMILARITY else 0.0
         if not (failed or self._doubted):
@@ -117,15 +118,17 @@ class GlobalSearch:
             return None
         tracked, candidate = max(self._recent, similarity), self._candidate
         if candidate is None:
-            for response, size, self._gain in self._searched(frame, live):
-                self._candidate = self._look(frame, live, response, size, tracked, distractors)
+            for response, size, gain in self._searched(frame, live):
+                self._candidate = self._look(
+                    frame, live, response, size, gain, tracked, distractors)
                 if self._candidate is not None:
                     break
             self._waited = 0.0
             return None
         self._waited += dt
         response = self._model.localise(frame, candidate.center, candidate.size)
-        found = self._look(frame, live, response, candidate.size, tracked, distractors)
+        found = self._look(
+            frame, live, response, candidate.size, candidate.gain, tracked, distractors)
         if found is None and self._waited > _CONFIRMING:
             self._candidate = None
         return found
@@ -133,7 +136,7 @@ class GlobalSearch:
     def _searched(self, frame: Frame,
                   live: TargetSnapshot) -> Iterator[tuple[ResponseMap, Point, float]]:
         """
-        Search the next places; return each one's response, the size searched, and its `_gain`.
+        Search the next places; return each one's response, the size searched, and its gain.
 
         One about where the target was lost, unless it's tracked there; and one anywhere in the
         frame, or, every `_BESIDE_EVERY` frames, about what is tracked.
@@ -155,20 +158,20 @@ class GlobalSearch:
             yield response, size, _GAIN
 
     def _look(self, frame: Frame, live: TargetSnapshot, response: ResponseMap, size: Point,
-              tracked: float, distractors: Sequence[Point]) -> Sighting | None:
+              gain: float, tracked: float, distractors: Sequence[Point]) -> Sighting | None:
         """Return the target at the response's maximum, in that size, or None if it isn't there."""
         if response.peak * response.sharpness < _PROMISING:
             return None
         center = inside(response.center, frame)
         if _overlaps(live, center, size):
             return None
-        if self._gain < _GAIN and is_distractor(center, distractors, math.sqrt(math.prod(size))):
+        if gain < _GAIN and is_distractor(center, distractors, math.sqrt(math.prod(size))):
             return None
         similarity = self._template.similarity(self._model.layout.window(frame, center, size))
-        if (similarity < max(_LEAST_SIMILARITY, self._gain * tracked)
+        if (similarity < max(_LEAST_SIMILARITY, gain * tracked)
                 or evidence(similarity, response.sharpness) < _EVIDENT):
             return None
-        return Sighting(center, size, similarity, response.sharpness)
+        return Sighting(center, size, similarity, response.sharpness, gain)
 
 
 def _overlaps(live: TargetSnapshot, center: Point, size: Point) -> bool:

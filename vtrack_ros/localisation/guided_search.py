@@ -54,7 +54,7 @@ _COMPARING_GAP, _COMPARING_FRAMES, _MOST_COMPARED = 8, 10, 6
 #: Lower bound of the likeness, also used for the maxima that aren't compared; its exponent in the
 #: likelihood.
 _LIKENESS_FLOOR, _LIKENESS_POWER = 0.05, 3.0
-#: Weight of the latest step in a velocity; factor of its decay in each frame out of sight.
+#: Weight of the latest step in a velocity; factor of its decay per frame out of sight.
 _VELOCITY_RATE, _FADING = 0.4, 0.9
 
 
@@ -136,8 +136,8 @@ class GuidedSearch:
         if elsewhere or self._found.hidden or target.network is not None:
             self._evidence.restart()
         if elsewhere or not target.is_followed:
-            (x, y), self._own_velocity = self._velocity, (0.0, 0.0)
-            self._velocity = _FADING * x, _FADING * y
+            (x, y), fading = self._velocity, _FADING**dt
+            self._velocity, self._own_velocity = (fading * x, fading * y), (0.0, 0.0)
             return
         if self._found.hidden:
             return

@@ -1,13 +1,16 @@
 """Running means over frames: of a value, and of a velocity."""
 
+import math
+
 from vtrack_ros.frame import Point
 
 
-def latest_weight(rate: float, dt: float, time: float) -> float:
+def latest_weight(rate: float, dt: float, time: float = math.inf) -> float:
     """
     Return the weight of the last `dt` frames in a running mean over a `time`, [frames].
 
-    That of a plain mean at first; later on that of a moving average, `rate` a frame.
+    That of a plain mean at first; later on, and by default, that of a moving average, `rate` a
+    frame.
     """
     return min(max(rate * dt, dt / time), 1.0)
 
