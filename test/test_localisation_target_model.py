@@ -44,17 +44,18 @@ def test_what_was_seen_first_is_never_forgotten(confined):
 
     own, foreign = response(window), response(later)
     for _ in range(800):
-        model = model.updated(later, (0.0, 0.0), first)
+        model = model.updated(later, (0.0, 0.0), 1.0, first)
     assert 0.05 * own < response(window) < 0.5 * own
     assert response(later) > 2 * max(foreign, response(window))
 
 
-@pytest.mark.parametrize('confined, rate', [(False, 0.02), (True, 0.01)])
-def test_an_example_has_its_weight(confined, rate):
-    """The learning rate is 0.02, and 0.01 for the filter that is confined to the target."""
+@pytest.mark.parametrize('confined, dt, rate', [
+    (False, 1.0, 0.02), (True, 1.0, 0.01), (False, 3.0, 0.06), (True, 3.0, 0.03)])
+def test_an_example_has_its_weight(confined, dt, rate):
+    """A frame's is 0.02, and 0.01 for the filter that is confined to the target."""
     window, later = window_on(texture(0)), window_on(texture(1))
     first, alone = (TargetModel.create(one, confined) for one in (window, later))
-    after = first.updated(later, (0.0, 0.0), first)
+    after = first.updated(later, (0.0, 0.0), dt, first)
     # the example's weight, less the share of the first frame
     expected = first.correlation.mixed(alone.correlation, rate * (1 - 0.3 * rate))
     np.testing.assert_allclose(
@@ -72,6 +73,6 @@ def test_an_error_of_size_doesnt_add_up():
         # sampled at the size that was found before, as the tracker does
         window = window_on(enlarged(frame, 1 / size))
         growth = 1.005 * model.growth(window, (0.0, 0.0))
-        model = model.with_scale(window, (0.0, 0.0), growth, first)
+        model = model.with_scale(window, (0.0, 0.0), growth, 1.0, first)
         size *= growth
     assert 1.0 < size < 1.12

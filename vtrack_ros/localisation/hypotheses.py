@@ -259,7 +259,7 @@ class Hypotheses:
         if response.sample_one(place) < _LOCAL_PEAK_SHARE * response.peak:
             place = response.center
         # only the leader searches elsewhere: two independent searches err twice as often
-        other.update(frame, response, place, dt, search=False)
+        other.update(frame, response, place, dt, leads=False)
 
     def _decide(self, distractors: Sequence[Point]) -> bool:
         """Tell whether the other model takes over; it may be restarted beside the leader."""

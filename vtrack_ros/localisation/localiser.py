@@ -18,8 +18,7 @@ from vtrack_ros.localisation.presence import (
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import mean_velocity
-from vtrack_ros.localisation.search_window import (
-    COARSE, FINE, inside, SearchWindow, WindowLayout)
+from vtrack_ros.localisation.search_window import COARSE, FINE, inside, SearchWindow, WindowLayout
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
 
@@ -35,10 +34,8 @@ SMALLEST, LARGEST = 0.05, 20.0
 #: first frame, and similarity. Where a target has jumped away by then, both are far less.
 _FIRST_RESPONSE, _FIRST_SIMILARITY = 0.45, 0.2
 #: Interval [frames] at which a rotated target is also compared at other angles; weight of the
-#: latest step in the moving average of the velocity.
-_TURNED_EVERY, _VELOCITY_RATE = 4, 0.3
-#: Lower bound of the usual similarity as the divisor of others.
-_LEAST_USUAL = 0.1
+#: latest step in the mean velocity; lower bound of the usual similarity where others are divided.
+_TURNED_EVERY, _VELOCITY_RATE, _LEAST_USUAL = 4, 0.3, 0.1
 
 
 class Localiser:
@@ -67,10 +64,11 @@ class Localiser:
         own = float(model.response(window).max())
         self._least_usual = _FIRST_RESPONSE * own, _FIRST_SIMILARITY
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
-        self._rng, self._frames, self._growing = rng, 0, False
+        self._rng, self._growing, self._presence = rng, False, PresenceDetector()
+        #: Number of updates; time before the last one, [frames]; similarity at the last comparison.
+        self._frames, self._since, self._similarity = 0, 1.0, 1.0
         self.resized = False
         """Whether the size was measured in the last update."""
-        self._similarity, self._presence = 1.0, PresenceDetector()
         #: Moving average, [px/frame]; constant during a tracking failure.
         self._velocity: Point = (0.0, 0.0)
         self._failure: Redetection | None = None
@@ -143,27 +141,27 @@ class Localiser:
         return similarity / max(self._live.usual_similarity, _LEAST_USUAL)
 
     def update(self, frame: Frame, response: ResponseMap, center: Point, dt: float,
-               search: bool = True, support: float = 0.0,
+               leads: bool = True, support: float = 0.0,
                distractors: Sequence[Point] = (), rival: Point | None = None) -> bool:
         """
         Update the model at the place that a tracker has chosen, and judge presence there.
 
-        With `search`, other places are searched too after a failure: the `rival` among them, the
-        `distractors` excluded, [px]. `support`, from motion or another model, is added to the
-        log-odds of presence.
+        If it `leads`, it learns by the time, and other places are searched after a failure: the
+        `rival` among them, the `distractors` excluded, [px]. `support`, from motion or another
+        model, is added to the log-odds of presence.
 
         Returns whether it was found again elsewhere. Else its centre is the given one, or, if that
         is off the middle of the window, the maximum near it in another window about it.
         """
         before = self._live
-        self._live = self._updated(frame, response, inside(center, frame), dt)
+        self._live = self._updated(frame, response, inside(center, frame), dt if leads else 1.0)
         elsewhere, sharpness, lost = False, response.sharpness, None
         if self._failure is None:
             self._judge(before, response, dt)
         else:
             lost = self._failure.lost
             verdict = self._failure.update(
-                frame, self._live, self._similarity, response.peak, dt, search,
+                frame, self._live, self._similarity, response.peak, dt, leads,
                 not self._presence.unseen_frames, distractors, rival)
             self._live, self._similarity = verdict.live, verdict.similarity
             if verdict.elsewhere:
@@ -172,7 +170,7 @@ class Localiser:
                 self._failure = None
                 self._global.restart(self._similarity, before.usual_similarity, lost)
         self.restarted = False
-        if search and (self.uncertain or not elsewhere):
+        if leads and (self.uncertain or not elsewhere):
             sighting = self._global.update(
                 frame, self._live, self._similarity, self.uncertain, dt, distractors)
             if sighting is not None:
@@ -237,6 +235,8 @@ class Localiser:
         """Return the target updated at a place; compare it with the template if that's due."""
         live, window = self._live, response.window
         model, size = live.model, live.size
+        # after a gap one example doesn't show what the target was like meanwhile
+        learned, self._since = min(dt, self._since), dt
         if not (isinstance(window, SearchWindow) and is_centred(window.shift(center))):
             # the taper distorts what is near the border, and some of the target may be beyond it
             window = model.layout.window(frame, center, size, window.angle)
@@ -250,16 +250,16 @@ class Localiser:
             growth = model.growth(window, shift)
             self._growing = abs(math.log(growth)) > _GROWING
             size = self._bounded((window.size[0] * growth, window.size[1] * growth))
-            model = model.with_scale(window, shift, growth, self._first_model)
+            model = model.with_scale(window, shift, growth, learned, self._first_model)
         if self._frames % _COLOURS_EVERY == 1:
-            model = model.with_colours(window, shift)
+            model = model.with_colours(window, shift, learned)
         self._verify(window, center, response)
         turn = live.turn if window.angle == live.angle else window.angle
         if window.angle and self._frames % _TURNED_EVERY == 0:
             turn = self._template.angle(frame, window, center, self._similarity)
+        model = model.updated(window, shift, learned, self._first_model)
         return TargetSnapshot(
-            model.updated(window, shift, self._first_model), center, size, live.usual_response,
-            live.usual_similarity, turn)
+            model, center, size, live.usual_response, live.usual_similarity, turn)
 
     def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:
         """Compare a place, in pixels, with the initial template, if that's due."""

@@ -14,6 +14,7 @@ from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import CorrelationFilter, ScaleRegression
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import SearchWindow, Step, WindowLayout
 
 #: Standard deviation of the desired response, as a share of the target's mean side.
@@ -109,27 +110,31 @@ class TargetModel:
         """Return by which factor the target, `shift` cells off the centre, grew."""
         return self.scale.growth(window.grey, window.sample_at(shift))
 
-    def updated(self, window: SearchWindow, shift: Point, first: TargetModel) -> TargetModel:
+    def updated(self, window: SearchWindow, shift: Point, dt: float,
+                first: TargetModel) -> TargetModel:
         """
         Return the model whose filter has learned the target, `shift` cells off the centre.
 
-        A share of the learning rate goes to the filter of the `first` frame's model.
+        The example stands for `dt` frames: the learning rate is that of one, times `dt`. A share
+        of it goes to the filter of the `first` frame's model.
         """
-        rate = self.correlation.RATE
+        rate = latest_weight(self.correlation.RATE, dt)
         correlation = self.correlation.updated(window.spectrum, rate, shift)
         correlation = correlation.mixed(first.correlation, _FIRST_IN_FILTER * rate)
         return replace(self, correlation=correlation)
 
-    def with_colours(self, window: SearchWindow, shift: Point) -> TargetModel:
-        """Return the model that has learned the target's colours too."""
-        colours = self.colours.updated(window.colours, window.rectangle(shift), _COLOUR_RATE)
+    def with_colours(self, window: SearchWindow, shift: Point, dt: float) -> TargetModel:
+        """Return the model that has learned the target's colours too, as `updated`."""
+        rate = latest_weight(_COLOUR_RATE, dt)
+        colours = self.colours.updated(window.colours, window.rectangle(shift), rate)
         return replace(self, colours=colours)
 
-    def with_scale(self, window: SearchWindow, shift: Point, growth: float,
+    def with_scale(self, window: SearchWindow, shift: Point, growth: float, dt: float,
                    first: TargetModel) -> TargetModel:
         """Return the model that learned the scale of a target grown by a factor, as `updated`."""
-        scale = self.scale.mixed(first.scale, _FIRST_IN_SCALE * _SCALE_RATE)
-        scale = scale.updated(window.grey, window.sample_at(shift), growth, _SCALE_RATE)
+        rate = latest_weight(_SCALE_RATE, dt)
+        scale = self.scale.mixed(first.scale, _FIRST_IN_SCALE * rate)
+        scale = scale.updated(window.grey, window.sample_at(shift), growth, rate)
         return replace(self, scale=scale)
 
 

@@ -1,0 +1,35 @@
+"""How fast a localiser learns a target that looks different: by the time, whatever the interval."""
+
+from drawn_video import DrawnVideo, look_alike, region_at, START, TARGET
+import numpy as np
+import pytest
+
+from vtrack_ros.localisation import Localiser
+
+VIDEO = DrawnVideo(seed=1)
+
+
+def response_after(*intervals):
+    """Return the highest response to a target that has changed, followed at these intervals."""
+    before = VIDEO.frame(START, noise=0.0)
+    after = before.copy()
+    after[region_at(START)] = look_alike(VIDEO, START, 0.5)
+    localiser = Localiser(before, START, TARGET, np.random.default_rng(0))
+    for dt in intervals:
+        localiser.update(after, localiser.localise(after, START), START, dt)
+    return localiser.localise(after, START).peak
+
+
+@pytest.mark.parametrize('dt, share', [(2.0, 0.9), (3.0, 0.9), (6.0, 0.6)])
+def test_at_a_low_frame_rate_about_as_much_is_learned_in_the_same_time(dt, share):
+    """In 24 frames' time the response to what has changed grows about as much; a little later."""
+    first, every = response_after(), response_after(*24 * [1.0])
+    # at its first interval it isn't known to be the usual one
+    fewer = response_after(1.0, *round(24 / dt) * [dt])
+    assert share * (every - first) < fewer - first < 1.1 * (every - first)
+
+
+def test_one_example_after_a_gap_counts_once():
+    """Fifteen frames without an image don't make the next one worth fifteen."""
+    usual = 3 * [1.0]
+    assert response_after(*usual, 15.0, 1.0) == pytest.approx(response_after(*usual, 1.0, 1.0))
