@@ -1,4 +1,4 @@
-"""How fast a localiser learns a target that looks different: by the time, whatever the interval."""
+"""How fast a localiser learns how a target looks, and its size: by the time, not by the frame."""
 
 from drawn_video import DrawnVideo, look_alike, region_at, START, TARGET
 import numpy as np
@@ -33,3 +33,15 @@ def test_one_example_after_a_gap_counts_once():
     """Fifteen frames without an image don't make the next one worth fifteen."""
     usual = 3 * [1.0]
     assert response_after(*usual, 15.0, 1.0) == pytest.approx(response_after(*usual, 1.0, 1.0))
+
+
+@pytest.mark.parametrize('dt, every', [(1.0, 4), (2.0, 2), (5.0, 1)])
+def test_the_size_is_measured_by_the_time(dt, every):
+    """Every four frames, at half the frame rate in every second one, at a fifth in all."""
+    frame = VIDEO.frame(START, noise=0.0)
+    localiser = Localiser(frame, START, TARGET, np.random.default_rng(0))
+    measured = []
+    for _ in range(17):
+        localiser.update(frame, localiser.localise(frame, START), START, dt)
+        measured.append(localiser.resized)
+    assert sum(measured[1:]) == 16 // every

@@ -17,7 +17,7 @@ from vtrack_ros.localisation.presence import (
     ALWAYS_GOOD, has_failed, InitialTemplate, PresenceDetector, state_after)
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.localisation.response_map import ResponseMap
-from vtrack_ros.localisation.running_means import mean_velocity
+from vtrack_ros.localisation.running_means import ExampleTime, mean_velocity
 from vtrack_ros.localisation.search_window import COARSE, FINE, inside, SearchWindow, WindowLayout
 from vtrack_ros.localisation.target_model import is_centred, TargetModel, TargetSnapshot
 from vtrack_ros.tracker import Estimate
@@ -64,9 +64,8 @@ class Localiser:
         own = float(model.response(window).max())
         self._least_usual = _FIRST_RESPONSE * own, _FIRST_SIMILARITY
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
-        self._rng, self._growing, self._presence = rng, False, PresenceDetector()
-        #: Number of updates; time before the last one, [frames]; similarity at the last comparison.
-        self._frames, self._since, self._similarity = 0, 1.0, 1.0
+        self._rng, self._growing, self._similarity = rng, False, 1.0
+        self._presence, self._time = PresenceDetector(), ExampleTime()
         self.resized = False
         """Whether the size was measured in the last update."""
         #: Moving average, [px/frame]; constant during a tracking failure.
@@ -154,7 +153,8 @@ class Localiser:
         is off the middle of the window, the maximum near it in another window about it.
         """
         before = self._live
-        self._live = self._updated(frame, response, inside(center, frame), dt if leads else 1.0)
+        self._time.advance(dt, by_one=not leads)
+        self._live = self._updated(frame, response, inside(center, frame), dt)
         elsewhere, sharpness, lost = False, response.sharpness, None
         if self._failure is None:
             self._judge(before, response, dt)
@@ -235,8 +235,6 @@ class Localiser:
         """Return the target updated at a place; compare it with the template if that's due."""
         live, window = self._live, response.window
         model, size = live.model, live.size
-        # after a gap one example doesn't show what the target was like meanwhile
-        learned, self._since = min(dt, self._since), dt
         if not (isinstance(window, SearchWindow) and is_centred(window.shift(center))):
             # the taper distorts what is near the border, and some of the target may be beyond it
             window = model.layout.window(frame, center, size, window.angle)
@@ -244,20 +242,20 @@ class Localiser:
             center = inside(response.local_maximum(center), frame)
         shift = window.shift(center)
         self._window = window
-        self._frames += 1
-        self.resized = self._frames % _SCALE_EVERY == 0 or self._growing
+        self.resized = self._time.is_due(_SCALE_EVERY) or self._growing
         if self.resized:
             growth = model.growth(window, shift)
             self._growing = abs(math.log(growth)) > _GROWING
             size = self._bounded((window.size[0] * growth, window.size[1] * growth))
-            model = model.with_scale(window, shift, growth, learned, self._first_model)
-        if self._frames % _COLOURS_EVERY == 1:
-            model = model.with_colours(window, shift, learned)
+            model = model.with_scale(
+                window, shift, growth, self._time.count(_SCALE_EVERY), self._first_model)
+        if self._time.is_due(_COLOURS_EVERY, 1):
+            model = model.with_colours(window, shift, self._time.count(_COLOURS_EVERY))
         self._verify(window, center, response)
         turn = live.turn if window.angle == live.angle else window.angle
-        if window.angle and self._frames % _TURNED_EVERY == 0:
+        if window.angle and self._time.is_due(_TURNED_EVERY):
             turn = self._template.angle(frame, window, center, self._similarity)
-        model = model.updated(window, shift, learned, self._first_model)
+        model = model.updated(window, shift, self._time.step, self._first_model)
         return TargetSnapshot(
             model, center, size, live.usual_response, live.usual_similarity, turn)
 
@@ -266,7 +264,7 @@ class Localiser:
         live = self._live
         questionable = (self.uncertain or self._similarity < ALWAYS_GOOD
                         or response.peak < _QUESTIONABLE_RESPONSE * live.usual_response)
-        if self._frames % _VERIFIED_EVERY == 1 or questionable:
+        if self._time.is_due(_VERIFIED_EVERY, 1) or questionable:
             self._similarity = live.model.credibility(
                 self._template.similarity(window, window.shift(center)), response, center)
 
@@ -286,7 +284,7 @@ class Localiser:
         A target that's surely present only looks different; a model that doesn't learn can't tell.
         """
         peak = response.peak
-        if self._frames == 1:
+        if self._time.is_first:
             least, least_similar = self._least_usual
             self._live = before = replace(
                 self._live, usual_response=max(peak, least),

@@ -187,7 +187,6 @@ class SiameseLocaliser(Localiser):
                  dt: float) -> TargetSnapshot:
         """Return the target at a place, compared with the initial template if that's due."""
         live, size = self._live, self._live.size
-        self._frames += 1
         if isinstance(response, SiameseResponse):
             rate = (1 - (1 - _SIZE_RATE)**dt) * min(response.sample_one(center), 1.0)
             width, height = (

@@ -110,29 +110,29 @@ class TargetModel:
         """Return by which factor the target, `shift` cells off the centre, grew."""
         return self.scale.growth(window.grey, window.sample_at(shift))
 
-    def updated(self, window: SearchWindow, shift: Point, dt: float,
+    def updated(self, window: SearchWindow, shift: Point, count: float,
                 first: TargetModel) -> TargetModel:
         """
         Return the model whose filter has learned the target, `shift` cells off the centre.
 
-        The example stands for `dt` frames: the learning rate is that of one, times `dt`. A share
-        of it goes to the filter of the `first` frame's model.
+        The learning rate is multiplied by `count`, the number of examples that this one stands
+        for. A share of it goes to the filter of the `first` frame's model.
         """
-        rate = latest_weight(self.correlation.RATE, dt)
+        rate = latest_weight(self.correlation.RATE, count)
         correlation = self.correlation.updated(window.spectrum, rate, shift)
         correlation = correlation.mixed(first.correlation, _FIRST_IN_FILTER * rate)
         return replace(self, correlation=correlation)
 
-    def with_colours(self, window: SearchWindow, shift: Point, dt: float) -> TargetModel:
+    def with_colours(self, window: SearchWindow, shift: Point, count: float) -> TargetModel:
         """Return the model that has learned the target's colours too, as `updated`."""
-        rate = latest_weight(_COLOUR_RATE, dt)
+        rate = latest_weight(_COLOUR_RATE, count)
         colours = self.colours.updated(window.colours, window.rectangle(shift), rate)
         return replace(self, colours=colours)
 
-    def with_scale(self, window: SearchWindow, shift: Point, growth: float, dt: float,
+    def with_scale(self, window: SearchWindow, shift: Point, growth: float, count: float,
                    first: TargetModel) -> TargetModel:
         """Return the model that learned the scale of a target grown by a factor, as `updated`."""
-        rate = latest_weight(_SCALE_RATE, dt)
+        rate = latest_weight(_SCALE_RATE, count)
         scale = self.scale.mixed(first.scale, _FIRST_IN_SCALE * rate)
         scale = scale.updated(window.grey, window.sample_at(shift), growth, rate)
         return replace(self, scale=scale)
