@@ -55,6 +55,19 @@ def test_cadence_counts_frame_intervals():
     assert estimator.steps(510) == 5
 
 
+def test_a_slow_cameras_interval_is_more_than_one():
+    """At ten frames a second one is two and a half intervals of 40 ms, and a lost one as many."""
+    estimator = FrameIntervalEstimator()
+    steps = [estimator.steps(interval * 10**6) for interval in (100, 101, 99, 200, 100)]
+    assert steps == pytest.approx([2.5, 2.5, 2.5, 5, 2.5], rel=0.02)
+
+
+@pytest.mark.parametrize('interval', [33_333_333, 40_000_000])
+def test_a_frame_of_an_ordinary_camera_is_one_step(interval):
+    estimator = FrameIntervalEstimator()
+    assert [estimator.steps(interval) for _ in range(5)] == 5 * [1.0]
+
+
 def test_no_target_no_estimate():
     """Before a start there is no estimate, no measurement and no restart."""
     session = TrackingSession()

@@ -7,6 +7,9 @@ import numpy as np
 
 #: Number of the latest intervals; their median is the usual one.
 _MEDIAN_COUNT = 15
+#: Longest usual interval [ns] that counts as one: trackers were made on videos of 25 to 30 frames
+#: per second, and at a lower rate more changes from one frame to the next.
+_LONGEST = 40_000_000
 #: Number of the latest intervals that the camera's own one is fitted to, where frames are lost.
 _MEMORY = 100
 #: Largest median deviation of intervals from whole multiples of the camera's, as a share of it,
@@ -34,9 +37,14 @@ class FrameIntervalEstimator:
         self._intervals.append(interval)
 
     def steps(self, interval: int) -> float:
-        """Take the next interval; return the frame intervals in it: a whole number >= 1."""
+        """
+        Take the next interval; return the frame intervals in it, at least 1.
+
+        A whole number of usual intervals; if these are longer than 40 ms, of 40 ms each.
+        """
         self.add(interval)
-        return float(max(1, round(interval / max(1, self.interval or 1))))
+        usual = max(1, self.interval or 1)
+        return max(1, round(interval / usual)) * max(1.0, usual / _LONGEST)
 
     def missing(self, interval: int) -> int:
         """
