@@ -21,7 +21,7 @@ from vtrack_ros.localisation.search_window import Grid, inside
 
 #: More windows are searched below this share of the usual response, or where the last frame was
 #: longer ago than this, [frames]; after such a gap distractors aren't considered either.
-_LOW_RESPONSE, _LONG_GAP = 0.75, 1.5
+_LOW_RESPONSE, _LONG_GAP = 0.75, 4
 #: Windows must be further apart than that, [sides of the target], to be searched.
 _WINDOWS_APART = 0.4
 #: The eight neighbouring windows, by steps of half a window (right, down).
