@@ -218,6 +218,19 @@ def test_neither_a_slow_double_nor_a_fast_one_is_followed(name, speed):
     assert kept >= 5
 
 
+@pytest.mark.parametrize('name, dt', [('gmpf', 2), ('gmpf', 3), ('pf', 2)])
+def test_a_double_is_not_followed_at_a_lower_frame_rate_either(name, dt):
+    """In 5 of 6 films, of which only every second or third frame is seen."""
+    kept = 0
+    for seed in range(6):
+        (first, _), *frames = meeting(seed, below=0, speed=2)
+        tracker = create_tracker(name, seed=seed)
+        tracker.start(first, box_at(START))
+        boxes = [tracker.update(frame, dt).box for frame, _ in frames[dt - 1::dt]]
+        kept += boxes[-1].iou(box_at(START)) > 0.7
+    assert kept >= 5
+
+
 @lru_cache(maxsize=4)
 def beside_its_first_look(seed):
     """Return images and box of a changing target, then its first appearance beside it."""
