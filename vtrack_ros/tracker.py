@@ -154,7 +154,8 @@ class Tracker(ABC):
         frame : ndarray of uint8
             The image.
         dt : float, [frames]
-            The time since the last frame, in frame intervals: 1 unless frames were dropped.
+            The time since the last frame, in frame intervals of at most 40 ms: 1, unless frames
+            were dropped, or there are fewer than 25 in a second (2.5 with ten in a second).
 
         Raises
         ------
