@@ -18,8 +18,8 @@ from vtrack_ros.localisation.search_window import inside, Step
 from vtrack_ros.localisation.target_model import TargetModel, TargetSnapshot
 
 #: What is tracked is doubted after a time with a low moving average of its similarity, or after a
-#: longer tracking failure: weight per frame, level below which the average is low, and
-#: the two times, [frames].
+#: longer tracking failure: weight per frame, level below which the average is low, and the two
+#: times, [frames].
 _RATE, _DOUBTED_SIMILARITY, _DOUBTED_FRAMES, _FAILED_FRAMES = 0.05, 0.15, 20.0, 30.0
 #: What was found after a failure is doubted at once, until its recent similarity reaches this
 #: share of the one that was usual before.
