@@ -1,5 +1,7 @@
 """Two models of one target, and a search that's guided by forecasts."""
 
+import math
+
 import cv2
 from drawn_video import (
     box_at, DrawnVideo, region_at, SIZE, START, straight, TARGET, texture)
@@ -162,6 +164,23 @@ def test_a_double_elsewhere_isn_t_taken_for_the_target():
     frame[y:y + TARGET[1], x:x + TARGET[0]] = double[y:y + TARGET[1], x:x + TARGET[0]]
     found = search.search(frame, 1.0)
     assert found.place == (pytest.approx(START[0], abs=3), pytest.approx(START[1], abs=3))
+
+
+def test_where_the_target_is_found_again_there_is_no_distractor():
+    """What was followed as its double was the target, so it doesn't hide it."""
+    target, search, _ = follow([START] * 8)
+    other, frame = (START[0] + 30, START[1]), VIDEO.frame(START)
+    frame[region_at(other)] = VIDEO.frame(other)[region_at(other)]
+    for _ in range(4):
+        found = search.search(frame, 1.0)
+        search.follow(1.0, target.update(frame, found, 1.0))
+    assert found.place == (pytest.approx(START[0], abs=2), pytest.approx(START[1], abs=2))
+    assert found.distractors
+    target.update(frame, Found(target.localise(frame, other), other), 1.0)
+    search.follow(1.0, elsewhere=True)
+    found = search.search(frame, 1.0)
+    assert not any(math.dist(place, other) < 10 for place in found.distractors)
+    assert found.place == (pytest.approx(other[0], abs=2), pytest.approx(other[1], abs=2))
 
 
 def test_maxima_are_the_tops():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import math
 
@@ -12,18 +12,18 @@ from vtrack_ros.localisation.running_means import mean_velocity
 #: Distance from the target, [sides], above which a maximum of the response begins a distractor.
 _AWAY = 0.4
 #: Gate of association: distance from a distractor's expected place, [sides], within which a
-#: maximum is taken for it.
-AT = 0.3
+#: maximum is taken for it; and from that of a new one, whose velocity isn't known.
+AT, _AT_FIRST = 0.3, 0.45
 #: Longest time, [frames], for which a target not seen beside a distractor counts as hidden by it.
 HIDING = 12
 #: Weight of the latest step in a velocity.
 _VELOCITY_RATE = 0.5
-#: Number of frames in which a distractor has to be found before it's compared with the target, and
-#: before it's compared again; share of the target's usual similarity from which it's a look-alike.
-_KNOWN, _LEAST_LIKENESS = 2, 0.6
+#: Number of frames in which a distractor has to be found before it's compared with the target
+#: again; share of the target's usual similarity from which it's a look-alike.
+_COMPARED_EVERY, _LEAST_LIKENESS = 2, 0.65
 #: Longest time, [frames], for which a distractor is kept without being found; it doesn't count
 #: where it's expected at the target's own place. One frame until it was found `_KNOWN` times.
-_FORGOTTEN = 12
+_FORGOTTEN, _KNOWN = 12, 2
 #: Largest number of distractors that are followed.
 _MOST = 20
 
@@ -49,14 +49,16 @@ class Distractor:
     frames: int = 1
     unseen: float = 0.0
     likeness: float = 0.0
-    compared: int = 0
+    compared: int = 1 - _COMPARED_EVERY
 
     def expected(self, dt: float) -> Point:
         """Return where it's expected after `dt`, in pixels."""
         return self.place[0] + dt * self.velocity[0], self.place[1] + dt * self.velocity[1]
 
-    def found(self, place: Point, dt: float) -> Distractor:
-        """Return it at the place, in pixels, where it was found after `dt`."""
+    def found(self, place: Point, dt: float, merged: bool = False) -> Distractor:
+        """Return it at the place, [px], where it was found after `dt`, `merged` with another."""
+        if merged:
+            return replace(self, place=place, unseen=0.0)
         rate = _VELOCITY_RATE if self.frames > 1 else 1.0
         velocity = mean_velocity(self.velocity, self.place, place, dt, rate)
         return replace(self, place=place, velocity=velocity, frames=self.frames + 1, unseen=0.0)
@@ -84,21 +86,28 @@ class Distractors:
         """Forget those that are expected within reach of a place, [px], after `dt`."""
         self._known = [one for one in self._known if math.dist(one.expected(dt), place) >= reach]
 
-    def update(self, maxima: Iterable[Point], target: Point, side: float, dt: float) -> None:
-        """Associate all with the maxima found after `dt`, [px]; begin new ones at the rest."""
-        left, known = list(maxima), []
-        for one in self._known:
-            expected = one.expected(dt)
-            nearest = min(left, key=lambda place: math.dist(place, expected), default=None)
-            if nearest is not None and math.dist(nearest, expected) < AT * side:
-                left.remove(nearest)
-                known.append(one.found(nearest, dt))
-            elif one.frames >= _KNOWN and math.dist(expected, target) < _AWAY * side:
+    def update(self, maxima: Sequence[Point], target: Point, side: float, dt: float,
+               merged: bool = False) -> None:
+        """
+        Associate all with the maxima found after `dt`, [px]; begin new ones at the rest.
+
+        While one hides the target, a maximum may be of both (`merged`), and tells no velocity.
+        """
+        expected = [one.expected(dt) for one in self._known]
+        found = _associated(expected, maxima, [
+            side * (AT if one.frames > 1 else _AT_FIRST) for one in self._known])
+        known = []
+        for index, (one, place) in enumerate(zip(self._known, expected)):
+            if index in found:
+                known.append(one.found(maxima[found[index]], dt, merged))
+            elif one.frames >= _KNOWN and math.dist(place, target) < _AWAY * side:
                 # one maximum is left of the two
-                known.append(replace(one, place=expected))
+                known.append(replace(one, place=place))
             elif one.unseen + dt <= (_FORGOTTEN if one.frames >= _KNOWN else 1):
-                known.append(replace(one, place=expected, unseen=one.unseen + dt))
-        known += [Distractor(place) for place in left if math.dist(place, target) > _AWAY * side]
+                known.append(replace(one, place=place, unseen=one.unseen + dt))
+        taken = set(found.values())
+        known += [Distractor(place) for index, place in enumerate(maxima)
+                  if index not in taken and math.dist(place, target) > _AWAY * side]
         self._known = known[:_MOST]
 
     def compare(self, target: Point, side: float,
@@ -110,9 +119,24 @@ class Distractors:
         usual similarity. Those within `_AWAY` aren't compared: the target itself would be seen.
         """
         due = [one for one in self._known
-               if not one.unseen and one.frames >= max(_KNOWN, one.compared + _KNOWN)
+               if not one.unseen and one.frames >= one.compared + _COMPARED_EVERY
                and math.dist(one.place, target) > _AWAY * side]
         if due:
             one = min(due, key=lambda each: math.dist(each.place, target))
             self._known[self._known.index(one)] = replace(
                 one, likeness=max(one.likeness, likeness(one.place)), compared=one.frames)
+
+
+def _associated(places: Sequence[Point], maxima: Sequence[Point],
+                gates: Sequence[float]) -> dict[int, int]:
+    """Return the numbers of places and of the maxima within their gates, nearest pairs first."""
+    near = sorted((distance, index, number) for index, place in enumerate(places)
+                  for number, maximum in enumerate(maxima)
+                  if (distance := math.dist(place, maximum)) < gates[index])
+    found: dict[int, int] = {}
+    taken: set[int] = set()
+    for _, index, number in near:
+        if index not in found and number not in taken:
+            found[index] = number
+            taken.add(number)
+    return found

@@ -35,7 +35,7 @@ _DISTINCT = 0.5
 _MAXIMA = 200
 #: Least share of the highest response that makes a maximum a possible distractor; distance from a
 #: higher one or the target, [sides], within which it's of the same object.
-_DISTRACTING, _DISTRACTORS_APART = 0.45, 0.2
+_DISTRACTING, _DISTRACTORS_APART = 0.45, 0.3
 #: Distance from the expected place, [sides], within which a distractor may be taken for the
 #: target; and within which it hides the target if only one maximum is left of both.
 _NEAR, _MEETING = 0.75, 0.35
@@ -132,6 +132,9 @@ class GuidedSearch:
     def follow(self, dt: float, elsewhere: bool) -> None:
         """Learn from where the target is now, unless that is `elsewhere`, or it isn't seen."""
         target = self._target
+        if elsewhere:
+            # what was followed there was the target itself
+            self._distractors.forget(target.center, AT * self._side, 0.0)
         self._flow = None if elsewhere else self._seen_flow()
         if elsewhere or self._found.hidden or target.network is not None:
             self._evidence.restart()
@@ -280,7 +283,7 @@ class GuidedSearch:
         apart, target, place = _DISTRACTORS_APART * self._side, self._target, self._found.place
         others = [each[0] for each in distinct(strong(every, _DISTRACTING), apart)
                   if self._found.hidden or math.dist(each[0], place) > apart]
-        self._distractors.update(others, place, self._side, dt)
+        self._distractors.update(others, place, self._side, dt, merged=self._found.hidden)
         if not target.unseen_frames:
             self._distractors.compare(place, self._side, partial(target.likeness, frame))
 
