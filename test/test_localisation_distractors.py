@@ -9,8 +9,8 @@ import pytest
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser
-from vtrack_ros.localisation.candidates import strong
 from vtrack_ros.localisation.distractors import Distractors
+from vtrack_ros.localisation.response_map import strong
 from vtrack_ros.trackers import create_tracker, TrackState
 
 VIDEO = DrawnVideo(seed=1)

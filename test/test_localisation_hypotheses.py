@@ -12,7 +12,6 @@ from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Found, GuidedSearch, Hypotheses
-from vtrack_ros.localisation.candidates import maxima
 from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.trackers import create_tracker
 
@@ -187,7 +186,7 @@ def test_maxima_are_the_tops():
     """The highest one is among them, and all have at least 0.6 of its response."""
     target, _ = started(VIDEO.frame(START))
     response = target.localise(VIDEO.frame(START), START)
-    tops = maxima(response, 0.6)
+    tops = response.maxima(0.6)
     assert max(value for _, value in tops) == response.peak
     assert response.center in [place for place, _ in tops]
     assert all(value >= 0.6 * response.peak for _, value in tops)

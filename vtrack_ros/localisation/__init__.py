@@ -30,10 +30,9 @@ frame `global_search`; `localiser` composes them.
 Beside them, `mean_shift` climbs a response and fuses [Yin2013].
 """
 
-from vtrack_ros.localisation.candidates import Found
 from vtrack_ros.localisation.guided_search import GuidedSearch
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.localiser import Localiser
-from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.response_map import Found, ResponseMap
 
 __all__ = ['Found', 'GuidedSearch', 'Hypotheses', 'Localiser', 'ResponseMap']

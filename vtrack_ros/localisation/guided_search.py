@@ -10,12 +10,11 @@ from vtrack_ros.appearance.image_motion import SparsePicture, TargetFlow, Target
 from vtrack_ros.estimation.forecast_mixture import ForecastMixture, STAYING
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.candidates import (
-    distinct, Found, maxima, Maximum, share_of, strong)
 from vtrack_ros.localisation.distractors import AT, Distractors, HIDING
 from vtrack_ros.localisation.hypotheses import Hypotheses
 from vtrack_ros.localisation.motion_evidence import MotionEvidence
-from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.response_map import (
+    distinct, Found, Maximum, ResponseMap, share_of, strong)
 from vtrack_ros.localisation.running_means import mean_velocity
 from vtrack_ros.localisation.search_window import Grid, inside
 
@@ -118,7 +117,7 @@ class GuidedSearch:
         if low or dt > _LONG_GAP:
             maps += self._wider(frame, expected)
         every = sorted(((place, response, value) for response in maps
-                        for place, value in maxima(response, _DISTRACTING)),
+                        for place, value in response.maxima(_DISTRACTING)),
                        key=lambda each: -each[2])[:_MAXIMA]
         found = self._identified(frame, maps[0], every, expected, dt)
         self._found = self._confirmed(frame, found, expected)

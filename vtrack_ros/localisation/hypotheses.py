@@ -13,11 +13,10 @@ from vtrack_ros.appearance.siamese_network import (
     EXEMPLAR, exemplar_side, SEARCHED, SiameseNetwork)
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
-from vtrack_ros.localisation.candidates import Found
 from vtrack_ros.localisation.distractors import AT, HIDING
 from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import ALWAYS_GOOD, support_of
-from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.response_map import Found, ResponseMap
 from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import inside, Step
 from vtrack_ros.localisation.siamese_localiser import SiameseLocaliser, SUPPORT

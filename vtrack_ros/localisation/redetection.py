@@ -12,11 +12,10 @@ import numpy as np
 from vtrack_ros.appearance.colour_model import box_mean, colour_index
 from vtrack_ros.appearance.sampling import sparse_part
 from vtrack_ros.frame import Frame, Point
-from vtrack_ros.localisation.candidates import distinct
 from vtrack_ros.localisation.distractors import is_distractor
 from vtrack_ros.localisation.presence import (
     absent_error, EVEN_SIMILARITY, evidence, InitialTemplate)
-from vtrack_ros.localisation.response_map import ResponseMap
+from vtrack_ros.localisation.response_map import distinct, ResponseMap
 from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetSnapshot
 

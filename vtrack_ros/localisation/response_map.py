@@ -1,10 +1,11 @@
-"""The response to a target over a window: its maxima, and its values at any place."""
+"""The response to a target over a window, its maxima, and what a search finds among them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 import math
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -19,6 +20,10 @@ _LEVEL = 0.95
 #: Cells on each side of the highest response that belong to its peak; lower bound of the variance
 #: of the others.
 _PEAK, _LEAST_VARIANCE = 3, 1e-9
+#: Largest number of distinct maxima: a flat response has thousands.
+_MOST = 50
+#: A cell and its eight neighbours.
+_NEIGHBOURS = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -136,11 +141,69 @@ class ResponseMap:
         middle_x, middle_y = self._middle
         return self.window.at((column + x - middle_x, row + y - middle_y))
 
+    def maxima(self, share: float) -> list[tuple[Point, float]]:
+        """Return the local maxima, in pixels, and their values, down to a share of the highest."""
+        values = self.values
+        highest = cv2.dilate(values, _NEIGHBOURS)
+        least = share_of(self.peak, share)
+        rows, columns = np.nonzero((values >= highest) & (values >= least))
+        return [(self.maximum((column, row)), values.item(row, column))
+                for row, column in zip(rows.tolist(), columns.tolist())]
+
     @property
     def _middle(self) -> tuple[int, int]:
         """Return the (column, row) of the window's centre; a window's sides are even."""
         rows, columns = self.values.shape
         return columns // 2, rows // 2
+
+
+#: A maximum of a response: its place, in pixels, the response, and its value there.
+Maximum: TypeAlias = tuple[Point, ResponseMap, float]
+
+
+@dataclass(frozen=True)
+class Found:
+    """
+    The result of a search: the response in the best window, and the target's place, in pixels.
+
+    The `distractors` are the places, in pixels, of those so near that only motion tells which one
+    is the target; `hidden` tells that one of them hides the target, so that the place is only the
+    expected one. The `rival` is the highest maximum that was not chosen, in pixels. `motion` is
+    what the target's motion to its place adds to the log-odds of its presence.
+    """
+
+    response: ResponseMap
+    place: Point
+    distractors: tuple[Point, ...] = ()
+    hidden: bool = False
+    rival: Point | None = None
+    motion: float = 0.0
+
+
+def strong(every: list[Maximum], share: float) -> list[Maximum]:
+    """Return the maxima, sorted from the highest, with at least that share of the highest."""
+    least = share_of(every[0][2], share)
+    return [each for each in every if each[2] >= least]
+
+
+def distinct(every: list[Maximum], apart: float) -> list[Maximum]:
+    """Return the maxima, sorted from the highest, further than `apart` from all higher ones."""
+    found: list[Maximum] = []
+    for each in every:
+        # a generator in `all` takes twice as long
+        for higher in found:
+            if math.dist(each[0], higher[0]) <= apart:
+                break
+        else:
+            found.append(each)
+            if len(found) == _MOST:
+                break
+    return found
+
+
+def share_of(highest: float, share: float) -> float:
+    """Return that share of the highest value; the value itself where it's below 0."""
+    return min(share * highest, highest)
 
 
 def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
