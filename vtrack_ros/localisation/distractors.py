@@ -18,12 +18,12 @@ AT, _AT_FIRST = 0.3, 0.45
 HIDING = 12
 #: Weight of the latest step in a velocity.
 _VELOCITY_RATE = 0.5
-#: Number of frames in which a distractor has to be found before it's compared with the target
-#: again; share of the target's usual similarity from which it's a look-alike.
-_COMPARED_EVERY, _LEAST_LIKENESS = 2, 0.65
+#: Number of frames in which a distractor has to be found before it's compared with the target, and
+#: before it's compared again; share of the target's usual similarity from which it's a look-alike.
+_KNOWN, _LEAST_LIKENESS = 2, 0.6
 #: Longest time, [frames], for which a distractor is kept without being found; it doesn't count
 #: where it's expected at the target's own place. One frame until it was found `_KNOWN` times.
-_FORGOTTEN, _KNOWN = 12, 2
+_FORGOTTEN = 12
 #: Largest number of distractors that are followed.
 _MOST = 20
 
@@ -49,7 +49,7 @@ class Distractor:
     frames: int = 1
     unseen: float = 0.0
     likeness: float = 0.0
-    compared: int = 1 - _COMPARED_EVERY
+    compared: int = 0
 
     def expected(self, dt: float) -> Point:
         """Return where it's expected after `dt`, in pixels."""
@@ -119,7 +119,7 @@ class Distractors:
         usual similarity. Those within `_AWAY` aren't compared: the target itself would be seen.
         """
         due = [one for one in self._known
-               if not one.unseen and one.frames >= one.compared + _COMPARED_EVERY
+               if not one.unseen and one.frames >= one.compared + _KNOWN
                and math.dist(one.place, target) > _AWAY * side]
         if due:
             one = min(due, key=lambda each: math.dist(each.place, target))
