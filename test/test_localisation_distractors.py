@@ -37,7 +37,8 @@ def test_what_came_from_elsewhere_goes_on_when_the_two_have_met():
         distractors.update([], START, SIDE, 1.0)
 
 
-@pytest.mark.parametrize('frames, likeness, expected', [(8, 1.0, 1), (8, 0.3, 0), (1, 1.0, 0)])
+@pytest.mark.parametrize('frames, likeness, expected', [
+    (8, 1.0, 1), (8, 0.68, 1), (8, 0.62, 0), (1, 1.0, 0)])
 def test_what_looks_otherwise_or_was_seen_once_is_no_distractor(frames, likeness, expected):
     """A maximum counts only if it's similar to the target, and was found more than once."""
     distractors, place = Distractors(), (START[0] + 30.0, START[1])

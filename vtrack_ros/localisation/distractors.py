@@ -20,7 +20,7 @@ HIDING = 12
 _VELOCITY_RATE = 0.5
 #: Number of frames in which a distractor has to be found before it's compared with the target, and
 #: before it's compared again; share of the target's usual similarity from which it's a look-alike.
-_KNOWN, _LEAST_LIKENESS = 2, 0.6
+_KNOWN, _LEAST_LIKENESS = 2, 0.65
 #: Longest time, [frames], for which a distractor is kept without being found; it doesn't count
 #: where it's expected at the target's own place. One frame until it was found `_KNOWN` times.
 _FORGOTTEN = 12
