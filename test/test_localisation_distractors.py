@@ -18,14 +18,19 @@ SIDE = math.sqrt(math.prod(TARGET))
 REACH = 0.75 * SIDE
 
 
+def followed(frames):
+    """Return the distractors after frames with these maxima; what is compared looks alike."""
+    distractors = Distractors()
+    for maxima in frames:
+        distractors.update(maxima, START, SIDE, 1.0)
+        distractors.compare(START, SIDE, lambda _: 1.0)
+    return distractors
+
+
 def passing(frames, step=8.0):
     """Return distractors with one that came nearer for some frames, and where it was seen last."""
-    distractors, place = Distractors(), (0.0, 0.0)
-    for index in range(frames):
-        place = START[0] + 80.0 - step * index, START[1]
-        distractors.update([place], START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda _: 1.0)
-    return distractors, place
+    places = [(START[0] + 80.0 - step * index, START[1]) for index in range(frames)]
+    return followed([place] for place in places), places[-1]
 
 
 def test_what_came_from_elsewhere_goes_on_when_the_two_have_met():
@@ -125,12 +130,7 @@ def test_what_was_seen_once_is_remembered_for_one_frame():
 @pytest.mark.parametrize('away, begins', [(0.35, 0), (0.45, 1)])
 def test_a_distractor_begins_away_from_the_target(away, begins):
     """It begins from 0.4 sides away on: a nearer maximum may be the target itself."""
-    distractors = Distractors()
-    first = START[0] + away * SIDE, START[1]
-    for index in range(2):
-        distractors.update([(first[0] + 0.1 * SIDE * index, START[1])], START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda _: 1.0)
-    assert len(distractors.near(START, REACH, 1.0)) == begins
+    assert len(followed(beside(away, away + 0.1)).near(START, REACH, 1.0)) == begins
 
 
 @pytest.mark.parametrize('step, same', [(0.4, 1), (0.5, 0)])
@@ -142,25 +142,17 @@ def test_a_new_one_is_found_again_within_a_wide_gate(step, same):
 @pytest.mark.parametrize('step, same', [(0.25, True), (0.35, False)])
 def test_a_distractor_is_found_again_near_where_it_is_expected(step, same):
     """A maximum within 0.3 sides of its expected place is associated with it, else not."""
-    distractors = Distractors()
-    for frame in beside(1.4, 1.4, 1.4 + step):
-        distractors.update(frame, START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda _: 1.0)
-    (x, _), = distractors.near(START, 10 * SIDE, 1.0)
+    (x, _), = followed(beside(1.4, 1.4, 1.4 + step)).near(START, 10 * SIDE, 1.0)
     assert (x > START[0] + 1.5 * SIDE) is same
 
 
 def test_of_two_the_nearer_one_has_the_maximum():
     """A distractor that disappears doesn't take the maximum of another beside it."""
-    distractors, still = Distractors(), (START[0] + 60.0, START[1])
-    for maxima in ([still, (still[0], still[1] + 12)], [still, (still[0], still[1] + 12)],
-                   [(still[0], still[1] + 8)]):
-        distractors.update(maxima, START, SIDE, 1.0)
-        for _ in range(2):
-            distractors.compare(START, SIDE, lambda _: 1.0)
+    x, y = START[0] + 60.0, START[1]
+    distractors = followed(3 * [[(x, y), (x, y + 12)]] + [[(x, y + 8)]])
     # the first goes on as expected, the second has moved by -4 px, at half weight -2 px/frame
     assert sorted(distractors.near(START, 10 * SIDE, 1.0)) == [
-        still, (still[0], pytest.approx(still[1] + 6))]
+        (x, y), (x, pytest.approx(y + 6))]
 
 
 def test_merged_with_the_target_it_keeps_its_velocity():
@@ -186,12 +178,10 @@ def test_the_next_one_to_the_target_is_compared_first():
 
 def test_each_of_two_goes_on_with_the_maximum_next_to_it():
     """Each is associated with the maximum nearest to it, in any order; one is forgotten alone."""
-    distractors = Distractors()
     left, right = (START[0] - 60.0, START[1]), (START[0] + 60.0, START[1])
-    for index in range(6):
-        maxima = [(left[0], left[1] + index), (right[0], right[1] - index)]
-        distractors.update(maxima[::1 if index % 2 else -1], START, SIDE, 1.0)
-        distractors.compare(START, SIDE, lambda _: 1.0)
+    frames = [[(left[0], left[1] + index), (right[0], right[1] - index)] for index in range(6)]
+    distractors = followed(
+        maxima[::1 if index % 2 else -1] for index, maxima in enumerate(frames))
     one, other = (left[0], left[1] + 6), (right[0], right[1] - 6)
     assert sorted(distractors.near(START, 2 * SIDE, 1.0)) == [one, other]
     distractors.forget(left, SIDE, 1.0)
