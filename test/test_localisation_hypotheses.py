@@ -12,6 +12,7 @@ from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Found, GuidedSearch, Hypotheses
+from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.trackers import create_tracker
 
@@ -212,3 +213,26 @@ def test_out_of_sight_a_velocity_fades_with_time():
         places.append(np.subtract(searched[0], path[-1]))
     assert places[0] == pytest.approx(places[1], abs=1e-6)
     assert places[0] == pytest.approx([5 * 0.9**6, 0.9**6], abs=0.7)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_a_localiser_restarted_beside_one_that_searches_goes_on_searching(seed):
+    """It takes over the other's place, but searches from where that one lost the target."""
+    video, here, elsewhere = DrawnVideo(seed=4, blob=60), (60.0, 60.0), (250.0, 180.0)
+    first, nothing = video.frame(here), video.frame(None)
+    leader, other = (Localiser(first, here, TARGET, np.random.default_rng(seed)) for _ in range(2))
+
+    def follow(localiser, frame, place):
+        return localiser.update(frame, localiser.localise(frame, place), place, 1.0)
+
+    for localiser in (leader, other):
+        follow(localiser, first, here)
+    for place in (here, here, here, elsewhere, elsewhere):
+        follow(leader, nothing, place)
+    other.resume(other.snapshot, leader)
+    assert leader.uncertain and other.uncertain
+    assert np.hypot(*np.subtract(other.center, elsewhere)) < 20
+    assert any(follow(other, first, other.center) for _ in range(2))
+    assert np.hypot(*np.subtract(other.center, here)) < 4
+    other.resume(other.snapshot, Localiser(first, here, TARGET, np.random.default_rng(seed)))
+    assert not other.uncertain

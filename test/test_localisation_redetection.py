@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
+import cv2
 from drawn_video import DrawnVideo, TARGET
 import numpy as np
 import pytest
 
-from vtrack_ros.localisation.localiser import Localiser
 from vtrack_ros.localisation.presence import absent_error, has_failed, InitialTemplate
 from vtrack_ros.localisation.redetection import Redetection
 from vtrack_ros.localisation.search_window import WindowLayout
@@ -35,6 +35,11 @@ class FixedModel(TargetModel):
     """A model that is marked as not learning."""
 
     LEARNS = False
+
+
+def after(frames):
+    """Return where a target from `HERE` is after that many frames with a velocity of (5, 3)."""
+    return HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames
 
 
 @pytest.fixture(scope='module')
@@ -145,7 +150,7 @@ def test_no_jump_to_what_would_not_be_taken_for_the_target(known, usual, similar
     """The similarity has to be at least 0.085, whatever the usual one."""
     snapshot = replace(known[0], usual_similarity=usual)
     redetection = search(snapshot, Verifier(similarity), (5.0, 3.0), 36.0)
-    frame = VIDEO.frame((HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37))
+    frame = VIDEO.frame(after(37))
     verdict = redetection.update(frame, snapshot, 0.01, 0.5, 1.0)
     assert verdict.elsewhere is jumps
     assert (verdict.live.center == HERE) is not jumps
@@ -155,7 +160,7 @@ def test_no_jump_to_what_would_not_be_taken_for_the_target(known, usual, similar
 def test_it_is_not_found_again_at_a_distractor(known, away, jumps):
     """A place within 0.3 sides of a distractor is excluded: motion told it from the target."""
     snapshot, template = known
-    place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
+    place = after(37)
     beside = place[0] + away * math.sqrt(math.prod(TARGET)), place[1]
     verdict = search(snapshot, template, (5.0, 3.0), 36.0).update(
         VIDEO.frame(place), snapshot, 0.01, 0.5, 1.0, distractors=(HERE, beside))
@@ -170,7 +175,7 @@ def test_a_plausible_place_is_not_left_at_once(known, here, jumps):
     redetection = search(snapshot, template, (5.0, 3.0), age)
     over = []
     for count in range(1, 7):
-        frame = VIDEO.frame((HERE[0] + 5.0 * (age + count), HERE[1] + 3.0 * (age + count)))
+        frame = VIDEO.frame(after(age + count))
         verdict = redetection.update(frame, snapshot, here, 0.5, 1.0)
         over.append(verdict.over)
         if verdict.over:
@@ -189,7 +194,7 @@ def test_a_jump_has_to_gain_enough(known, usual, here, there, jumps):
         replace(known[0], usual_similarity=usual), Verifier(there), (5.0, 3.0), 36.0)
     over = False
     for count in range(1, 6):
-        frame = VIDEO.frame((HERE[0] + 5.0 * (36 + count), HERE[1] + 3.0 * (36 + count)))
+        frame = VIDEO.frame(after(36 + count))
         over = over or redetection.update(frame, known[0], here, 0.5, 1.0).over
     assert over is jumps
 
@@ -202,15 +207,16 @@ def test_a_jump_from_a_seen_target_needs_a_similarity_that_is_trusted(
     model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
     snapshot = replace(known[0], model=model)
     redetection = search(snapshot, Verifier(there), (5.0, 3.0), frames - 1.0)
-    frame = VIDEO.frame((HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames))
-    assert redetection.update(frame, snapshot, -0.1, 0.5, 1.0, seen=seen).over is jumps
+    frame = VIDEO.frame(after(frames))
+    verdict = redetection.update(frame, snapshot, -0.1, 0.5, 1.0, odds=0.0 if seen else -0.5)
+    assert verdict.over is jumps
 
 
 @pytest.mark.parametrize('offset, jumps', [(0.25, False), (0.35, True)])
 def test_the_present_place_is_no_other_one(known, offset, jumps):
     """A place within 0.3 of the target's size isn't jumped to, however similar it is."""
     snapshot, template = known
-    place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
+    place = after(37)
     live = replace(snapshot, center=(place[0], place[1] - offset * TARGET[1]))
     verdict = search(snapshot, template, (5.0, 3.0), 36.0).update(
         VIDEO.frame(place), live, 0.0, 0.5, 1.0)
@@ -318,10 +324,26 @@ def test_a_model_that_never_learns_is_followed_unverified(known, learns, usual, 
     model = (TargetModel if learns else FixedModel)(**vars(known[0].model))
     snapshot = replace(known[0], model=model, usual_response=usual)
     redetection = search(snapshot, Verifier(0.0), (5.0, 3.0), 36.0)
-    place = HERE[0] + 5.0 * 37, HERE[1] + 3.0 * 37
+    place = after(37)
     verdict = redetection.update(VIDEO.frame(place), snapshot, 0.0, here, 1.0)
     assert verdict.elsewhere is follows and not verdict.over
     assert np.hypot(*np.subtract(verdict.live.center, place if follows else HERE)) < 4
+
+
+@pytest.mark.parametrize('odds, share, moves, over', [
+    (-1.1, 0.5, True, False), (-0.9, 0.5, False, False),
+    (-1.1, 0.35, False, False), (-1.1, 1.0, True, True)])
+def test_from_where_the_target_hardly_is_it_goes_on_where_it_may_be(odds, share, moves, over):
+    """If log-odds here are below -1, it follows a pale target elsewhere; the failure goes on."""
+    first, there, nothing = (VIDEO.frame(place, 0.0) for place in (HERE, ELSEWHERE, None))
+    model = TargetModel.create(WindowLayout.around(*TARGET).window(first, HERE, TARGET))
+    snapshot = TargetSnapshot(model, HERE, TARGET, 0.8, 0.7)
+    frame = cv2.addWeighted(there, share, nothing, 1 - share, 0)
+    verdict = search(snapshot, Verifier(0.1)).update(
+        frame, snapshot, 0.01, 0.5, 1.0, odds=odds, rival=ELSEWHERE)
+    assert (verdict.elsewhere, verdict.over) == (moves, over)
+    assert verdict.tentative is (moves and not over)
+    assert np.hypot(*np.subtract(verdict.live.center, ELSEWHERE if moves else HERE)) < 4
 
 
 @pytest.mark.parametrize('here, frames', [(0.034, 1), (0.036, 5)])
@@ -330,7 +352,7 @@ def test_the_present_place_of_a_faint_target_is_plausible_sooner(known, here, fr
     faint = replace(known[0], usual_similarity=0.1)
     redetection = search(faint, Verifier(0.5), (5.0, 3.0), 36.0)
     for count in range(1, 7):
-        frame = VIDEO.frame((HERE[0] + 5.0 * (36 + count), HERE[1] + 3.0 * (36 + count)))
+        frame = VIDEO.frame(after(36 + count))
         if redetection.update(frame, faint, here, 0.5, 1.0).over:
             break
     assert count == frames
@@ -356,35 +378,13 @@ def test_long_after_a_target_is_searched_where_it_was_seen_last(known, velocity,
     snapshot, template = known
     redetection = search(snapshot, template, velocity, 50.0, seed)
     nothing, there = VIDEO.frame(None), replace(snapshot, center=ELSEWHERE)
-    redetection.update(nothing, there, 0.0, 0.1, 1.0, seen=True)
+    redetection.update(nothing, there, 0.0, 0.1, 1.0, odds=0.0)
     redetection.update(nothing, snapshot, 0.0, 0.1, 10.0)
     frame = VIDEO.frame(ELSEWHERE)
     verdicts = [redetection.update(frame, snapshot, 0.0, 0.1, 1.0) for _ in range(2)]
     assert any(verdict.over for verdict in verdicts)
     verdict = next(verdict for verdict in verdicts if verdict.over)
     assert np.hypot(*np.subtract(verdict.live.center, ELSEWHERE)) < 4
-
-
-@pytest.mark.parametrize('seed', range(5))
-def test_a_localiser_restarted_beside_one_that_searches_goes_on_searching(seed):
-    """It takes over the other's place, but searches from where that one lost the target."""
-    first, nothing = VIDEO.frame(HERE), VIDEO.frame(None)
-    leader, other = (Localiser(first, HERE, TARGET, np.random.default_rng(seed)) for _ in range(2))
-
-    def follow(localiser, frame, place):
-        return localiser.update(frame, localiser.localise(frame, place), place, 1.0)
-
-    for localiser in (leader, other):
-        follow(localiser, first, HERE)
-    for place in (HERE, HERE, HERE, ELSEWHERE, ELSEWHERE):
-        follow(leader, nothing, place)
-    other.resume(other.snapshot, leader)
-    assert leader.uncertain and other.uncertain
-    assert np.hypot(*np.subtract(other.center, ELSEWHERE)) < 20
-    assert any(follow(other, first, other.center) for _ in range(2))
-    assert np.hypot(*np.subtract(other.center, HERE)) < 4
-    other.resume(other.snapshot, Localiser(first, HERE, TARGET, np.random.default_rng(seed)))
-    assert not other.uncertain
 
 
 def test_the_size_of_an_uncertain_target_is_bounded(known):

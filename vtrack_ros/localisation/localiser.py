@@ -155,17 +155,17 @@ class Localiser:
         before = self._live
         self._time.advance(dt, by_one=not leads)
         self._live = self._updated(frame, response, inside(center, frame), dt)
-        elsewhere, sharpness, lost = False, response.sharpness, None
+        elsewhere, afresh, sharpness, lost = False, False, response.sharpness, None
         if self._failure is None:
             self._judge(before, response, dt)
         else:
             lost = self._failure.lost
             verdict = self._failure.update(
                 frame, self._live, self._similarity, response.peak, dt, leads,
-                not self._presence.unseen_frames, distractors, rival)
+                self._presence.appearance_odds, distractors, rival)
             self._live, self._similarity = verdict.live, verdict.similarity
             if verdict.elsewhere:
-                elsewhere, sharpness = True, verdict.sharpness
+                elsewhere, sharpness, afresh = True, verdict.sharpness, not verdict.tentative
             if verdict.over:
                 self._failure = None
                 self._global.restart(self._similarity, before.usual_similarity, lost)
@@ -176,11 +176,12 @@ class Localiser:
             if sighting is not None:
                 self._restart(sighting.center, sighting.size, sighting.similarity)
                 self._global.restart(sighting.similarity, before.usual_similarity, lost)
-                self.restarted, elsewhere, sharpness = True, True, sighting.sharpness
+                self.restarted = elsewhere = afresh = True
+                sharpness = sighting.sharpness
         first = None
-        if self._presence.doubts and not elsewhere:
+        if self._presence.doubts and not afresh:
             first = ResponseMap(self._window, self._first_model.response(self._window)).sharpness
-        self._presence.judge(self._similarity, sharpness, dt, elsewhere, support, first)
+        self._presence.judge(self._similarity, sharpness, dt, afresh, support, first)
         return elsewhere
 
     def require(self, confidence: float) -> None:

@@ -162,13 +162,13 @@ class PresenceDetector:
     What is reported (`confidence`, `absent_frames`) counts motion and another model too; its
     `threshold` trades wrong boxes for frames without one. After a long absence the target must be
     recognised with a margin that grows with it, and by the first frame's model: the live one has
-    learned something else by then, and responds to that as sharply. What a tracker does
-    (`unseen_frames`) depends on appearance alone, at even odds: to search elsewhere because the
-    target rests loses more than it finds.
+    learned something else by then, and responds to that as sharply. What a tracker does depends
+    on the log-odds of appearance alone (`appearance_odds`; `unseen_frames` at even ones): to
+    search elsewhere because the target rests loses more than it finds.
     """
 
     def __init__(self) -> None:
-        self._evidence = self._recognised = self._log_odds = _CLEAR
+        self.appearance_odds = self._recognised = self._log_odds = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
         self.threshold = 0.5
         """The least confidence at which the target is reported as present."""
@@ -217,9 +217,9 @@ class PresenceDetector:
         if first_sharpness is not None:
             recognised = evidence(similarity, first_sharpness) - fallen
         if not elsewhere:
-            latest = _averaged(self._evidence, latest)
+            latest = _averaged(self.appearance_odds, latest)
             recognised = _averaged(self._recognised, recognised)
-        self._evidence, self._recognised = latest, recognised
+        self.appearance_odds, self._recognised = latest, recognised
         self._log_odds = recognised + (0.0 if elsewhere else support)
         doubt = self._doubt
         if self._log_odds >= (doubt + _RECOGNISED if doubt else _SEEN):
@@ -227,13 +227,13 @@ class PresenceDetector:
         self._log_odds -= doubt
         if self._log_odds < _SEEN:
             self._missed += 1
-        seen, present = self._evidence >= 0.0, self.confidence >= self.threshold
+        seen, present = self.appearance_odds >= 0.0, self.confidence >= self.threshold
         self.unseen_frames = 0.0 if seen else self.unseen_frames + dt
         self.absent_frames = 0.0 if present else self.absent_frames + dt
 
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the evidence, with these values for the next frame, exceeds `_SURE`."""
-        return _averaged(self._evidence, evidence(similarity, sharpness)) > _SURE
+        return _averaged(self.appearance_odds, evidence(similarity, sharpness)) > _SURE
 
     @property
     def _doubt(self) -> float:

@@ -20,12 +20,11 @@ from vtrack_ros.localisation.search_window import inside
 from vtrack_ros.localisation.target_model import TargetSnapshot
 
 #: Trusted similarity, which ends the failure or justifies a jump from a target that is seen: the
-#: lower of a share of the usual similarity and a level, but at least `EVEN_SIMILARITY`.
-_TRUSTED_SHARE, _TRUSTED = 0.6, 0.13
+#: lower of a share of the usual similarity and a level, but at least `EVEN_SIMILARITY`; number of
+#: consecutive frames of it that end the failure.
+_TRUSTED_SHARE, _TRUSTED, _TRUSTED_FRAMES = 0.6, 0.13, 5
 #: Similarity from which the present place is plausible: the lower of a share and a level again.
 _PLAUSIBLE_SHARE, _PLAUSIBLE = 0.35, 0.09
-#: Consecutive frames of trusted similarity that end the failure.
-_TRUSTED_FRAMES = 5
 #: A target whose appearance has changed is accepted, which ends the failure, above all of: number
 #: of updates, similarity, response as a share of the usual one.
 _ACCEPTED_UPDATES, _ACCEPTED, _ACCEPTED_RESPONSE = 40, 0.12, 0.8
@@ -34,11 +33,12 @@ _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 #: Number of frames, not necessarily consecutive, in which such a place has to be found while the
 #: present one is plausible.
 _JUMP_FRAMES = 3
-#: Log-odds of the target at a place from which on it's worth a jump.
-_JUMP_ODDS = 1.3
-#: Exponent of the response in the odds, and the share of the usual response that leaves them as
-#: they are.
-_RESPONSE_POWER, _EVEN_RESPONSE = 4.0, 0.65
+#: Log-odds of the target at a place from which on it's worth a jump; from which on it's followed
+#: there, while the failure goes on, if by appearance those of the present place are below the 3rd.
+_JUMP_ODDS, _MOVE_ODDS, _HARDLY_THERE = 1.3, 0.7, -1.0
+#: Exponent of the response, as a share of the usual one, in the odds; share that leaves them as
+#: they are; lower bound of the share.
+_RESPONSE_POWER, _EVEN_RESPONSE, _LEAST_SHARE = 4.0, 0.65, 1e-6
 #: Exponent of 1 + the number of frames searched in the odds, the value that leaves them as they
 #: are, and an upper clamp of the number: a target that was just occluded is rarely back at once,
 #: but one that has been gone for long isn't any the likelier to come back.
@@ -55,8 +55,6 @@ _COLOUR_PIXELS, _MOST_COLOURS = (6, 3), 1 << 14
 _RECENTRED, _LEAST_PEAK, _TEMPERATURE, _APART = 2, 0.35, 0.1, 0.5
 #: Share of the usual response there from which a place is compared with the initial template.
 _LEAST_VERIFIED_PEAK = 0.5
-#: Lower bound of a share of the usual response in a logarithm.
-_LEAST_SHARE = 1e-6
 #: Time, [frames], for which the velocity before the failure is extrapolated; after it the place
 #: where the target was seen last is used instead.
 _EXTRAPOLATED_FRAMES = 60
@@ -88,7 +86,8 @@ class Verdict:
     The result of a search in one frame: the snapshot to go on with, and its place's similarity.
 
     `over` tells whether the failure is over, `elsewhere` whether the snapshot is at another place,
-    where the response has that sharpness.
+    where the response has that sharpness; `tentative` that the target only may be there: then the
+    evidence of earlier frames still counts.
     """
 
     live: TargetSnapshot
@@ -96,6 +95,7 @@ class Verdict:
     over: bool = False
     elsewhere: bool = False
     sharpness: float = 0.0
+    tentative: bool = False
 
 
 class Redetection:
@@ -111,7 +111,8 @@ class Redetection:
     where the target was, or would be by its velocity before the failure, [px/frame]: a
     heavy-tailed density, as wide as a target out of sight strays (`absent_error`). Long after the
     failure the place where it was seen last replaces the extrapolated one. The failure is over,
-    too, when the live place has been similar enough for a while.
+    too, when the live place has been similar enough for a while. Where the target hardly is by its
+    appearance, lower odds are enough to go on elsewhere, tentatively: the failure isn't over.
 
     Where the model doesn't learn, similarity alone verifies. A far higher response elsewhere is
     followed too, as the responses of the same model are comparable; but the failure is over only
@@ -147,18 +148,19 @@ class Redetection:
         return known / _DRIFT, known * _DRIFT
 
     def update(self, frame: Frame, live: TargetSnapshot, similarity: float, peak: float,
-               dt: float, search: bool = True, seen: bool = False,
+               dt: float, search: bool = True, odds: float = _HARDLY_THERE,
                distractors: Sequence[Point] = (), rival: Point | None = None) -> Verdict:
         """
         Judge the live place, and, with `search`, search elsewhere with the snapshot.
 
         `live` was updated in this frame, `similarity` is that of its place to the initial
-        template, `peak` the highest response about it. A target that was `seen` there in the last
-        frame is left only for a trusted similarity. No jump is to one of the `distractors`, places
-        in pixels: motion tells which one is the target. The `rival` is the highest maximum of the
-        live model that wasn't chosen, in pixels; it's searched too.
+        template, `peak` the highest response about it. `odds` are the log-odds that it was there
+        by appearance until now: a target that was seen (0 or more) is left only for a trusted
+        similarity. No jump is to one of the `distractors`, places in pixels: motion tells which
+        one is the target. The `rival` is the highest maximum of the live model that wasn't chosen,
+        in pixels; it's searched too.
         """
-        usual = live.usual_response
+        usual, seen = live.usual_response, odds >= 0
         live = live.followed(peak)
         self._updates += 1
         self._age += dt
@@ -178,17 +180,20 @@ class Redetection:
         learns = self._snapshot.model.LEARNS
         least = max(EVEN_SIMILARITY if learns and not seen else trusted,
                     similarity + min(_JUMP_GAIN_SHARE * level, _JUMP_GAIN))
+        enough = _MOVE_ODDS if odds < _HARDLY_THERE else _JUMP_ODDS
         best = max((one for one in candidates if one.similarity >= least
-                    and (one.odds >= _JUMP_ODDS or not learns)),
+                    and (one.odds >= enough or not learns)),
                    key=lambda one: one.odds if learns else one.similarity, default=None)
         if best is None:
             return self._preferred(candidates, live, similarity, peak)
+        there = Verdict(replace(self._snapshot, center=best.center), best.similarity,
+                        elsewhere=True, sharpness=best.sharpness)
+        if learns and best.odds < _JUMP_ODDS:
+            return replace(there, tentative=True)
         self._jump_frames += 1
         plausible = similarity >= min(_PLAUSIBLE_SHARE * level, _PLAUSIBLE)
-        if plausible and self._jump_frames < _JUMP_FRAMES:
-            return Verdict(live, similarity)
-        return Verdict(replace(self._snapshot, center=best.center), best.similarity, over=True,
-                       elsewhere=True, sharpness=best.sharpness)
+        waits = plausible and self._jump_frames < _JUMP_FRAMES
+        return Verdict(live, similarity) if waits else replace(there, over=True)
 
     def _preferred(self, candidates: list[Candidate], live: TargetSnapshot, similarity: float,
                    peak: float) -> Verdict:
