@@ -13,6 +13,7 @@ from vtrack_ros.appearance.regression import ScaleRegression
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Found, GuidedSearch, Hypotheses
 from vtrack_ros.localisation.localiser import Localiser
+from vtrack_ros.localisation.redetection import Redetection, Verdict
 from vtrack_ros.localisation.target_model import TargetModel
 from vtrack_ros.trackers import create_tracker
 
@@ -236,3 +237,19 @@ def test_a_localiser_restarted_beside_one_that_searches_goes_on_searching(seed):
     assert np.hypot(*np.subtract(other.center, here)) < 4
     other.resume(other.snapshot, Localiser(first, here, TARGET, np.random.default_rng(seed)))
     assert not other.uncertain
+
+
+def test_where_the_target_only_may_be_the_evidence_of_earlier_frames_still_counts(monkeypatch):
+    """After ten frames without it, a tentative place is believed less than one that is sure."""
+    first, nothing, confidences = VIDEO.frame(START), VIDEO.frame(None), []
+    for tentative in (True, False):
+        localiser = Localiser(first, START, TARGET, np.random.default_rng(0))
+        for frame in (first, *[nothing] * 10):
+            localiser.update(frame, localiser.localise(frame, START), START, 1.0)
+        there = Verdict(localiser.snapshot, 0.15, elsewhere=True, sharpness=5.0,
+                        tentative=tentative, over=not tentative)
+        monkeypatch.setattr(Redetection, 'update', lambda *_, there=there: there)
+        localiser.update(nothing, localiser.localise(nothing, START), START, 1.0)
+        confidences.append(localiser.estimate(np.zeros((4, 4))).confidence)
+        monkeypatch.undo()
+    assert confidences[0] < 0.9 * confidences[1]
