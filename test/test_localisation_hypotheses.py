@@ -36,6 +36,11 @@ def follow(path, frame_of=VIDEO.frame, dt=1.0):
     return target, search, found
 
 
+def update(localiser, frame, place):
+    """Update a localiser with the target at a place; tell whether it's elsewhere."""
+    return localiser.update(frame, localiser.localise(frame, place), place, 1.0)
+
+
 def followed_by_camera(frames=25):
     """Return frames of a target that stays in the picture, before a moving ground, and its box."""
     rng = np.random.default_rng(2)
@@ -222,18 +227,14 @@ def test_a_localiser_restarted_beside_one_that_searches_goes_on_searching(seed):
     video, here, elsewhere = DrawnVideo(seed=4, blob=60), (60.0, 60.0), (250.0, 180.0)
     first, nothing = video.frame(here), video.frame(None)
     leader, other = (Localiser(first, here, TARGET, np.random.default_rng(seed)) for _ in range(2))
-
-    def follow(localiser, frame, place):
-        return localiser.update(frame, localiser.localise(frame, place), place, 1.0)
-
     for localiser in (leader, other):
-        follow(localiser, first, here)
+        update(localiser, first, here)
     for place in (here, here, here, elsewhere, elsewhere):
-        follow(leader, nothing, place)
+        update(leader, nothing, place)
     other.resume(other.snapshot, leader)
     assert leader.uncertain and other.uncertain
     assert np.hypot(*np.subtract(other.center, elsewhere)) < 20
-    assert any(follow(other, first, other.center) for _ in range(2))
+    assert any(update(other, first, other.center) for _ in range(2))
     assert np.hypot(*np.subtract(other.center, here)) < 4
     other.resume(other.snapshot, Localiser(first, here, TARGET, np.random.default_rng(seed)))
     assert not other.uncertain
@@ -241,15 +242,16 @@ def test_a_localiser_restarted_beside_one_that_searches_goes_on_searching(seed):
 
 def test_where_the_target_only_may_be_the_evidence_of_earlier_frames_still_counts(monkeypatch):
     """After ten frames without it, a tentative place is believed less than one that is sure."""
-    first, nothing, confidences = VIDEO.frame(START), VIDEO.frame(None), []
+    first, confidences = VIDEO.frame(START, noise=0.0), []
+    nothing = np.full_like(first, 120)
     for tentative in (True, False):
         localiser = Localiser(first, START, TARGET, np.random.default_rng(0))
         for frame in (first, *[nothing] * 10):
-            localiser.update(frame, localiser.localise(frame, START), START, 1.0)
+            update(localiser, frame, START)
         there = Verdict(localiser.snapshot, 0.15, elsewhere=True, sharpness=5.0,
                         tentative=tentative, over=not tentative)
         monkeypatch.setattr(Redetection, 'update', lambda *_, there=there: there)
-        localiser.update(nothing, localiser.localise(nothing, START), START, 1.0)
+        update(localiser, nothing, START)
         confidences.append(localiser.estimate(np.zeros((4, 4))).confidence)
         monkeypatch.undo()
     assert confidences[0] < 0.9 * confidences[1]

@@ -42,14 +42,18 @@ def after(frames):
     return HERE[0] + 5.0 * frames, HERE[1] + 3.0 * frames
 
 
-@pytest.fixture(scope='module')
-def known():
-    """Return the target's snapshot at `HERE`, and its template."""
-    frame = VIDEO.frame(HERE)
+def learned(frame):
+    """Return the target's snapshot at `HERE` in a frame, and its template."""
     window = WindowLayout.around(*TARGET).window(frame, HERE, TARGET)
     model = TargetModel.create(window)
     snapshot = TargetSnapshot(model, HERE, TARGET, 0.8, 0.7)
     return snapshot, InitialTemplate.of(model, window)
+
+
+@pytest.fixture(scope='module')
+def known():
+    """Return what is learned of the target."""
+    return learned(VIDEO.frame(HERE))
 
 
 def search(snapshot, verifier, velocity=(0.0, 0.0), age=1.0, seed=0):
@@ -336,8 +340,7 @@ def test_a_model_that_never_learns_is_followed_unverified(known, learns, usual, 
 def test_from_where_the_target_hardly_is_it_goes_on_where_it_may_be(odds, share, moves, over):
     """If log-odds here are below -1, it follows a pale target elsewhere; the failure goes on."""
     first, there, nothing = (VIDEO.frame(place, 0.0) for place in (HERE, ELSEWHERE, None))
-    model = TargetModel.create(WindowLayout.around(*TARGET).window(first, HERE, TARGET))
-    snapshot = TargetSnapshot(model, HERE, TARGET, 0.8, 0.7)
+    snapshot, _ = learned(first)
     frame = cv2.addWeighted(there, share, nothing, 1 - share, 0)
     verdict = search(snapshot, Verifier(0.1)).update(
         frame, snapshot, 0.01, 0.5, 1.0, odds=odds, rival=ELSEWHERE)

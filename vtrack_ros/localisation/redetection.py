@@ -33,8 +33,8 @@ _JUMP_GAIN_SHARE, _JUMP_GAIN = 0.1, 0.05
 #: Number of frames, not necessarily consecutive, in which such a place has to be found while the
 #: present one is plausible.
 _JUMP_FRAMES = 3
-#: Log-odds of the target at a place from which on it's worth a jump; from which on it's followed
-#: there, while the failure goes on, if by appearance those of the present place are below the 3rd.
+#: Log-odds of the target at a place that are worth a jump; those that are enough to follow it
+#: there while the failure goes on, and those of appearance here below which they are.
 _JUMP_ODDS, _MOVE_ODDS, _HARDLY_THERE = 1.3, 0.7, -1.0
 #: Exponent of the response, as a share of the usual one, in the odds; share that leaves them as
 #: they are; lower bound of the share.
