@@ -72,6 +72,33 @@ def test_follows_a_drawn_target_through_translation_and_growth(grey):
     assert estimate.box.center_distance(truth) < 6
 
 
+@pytest.mark.parametrize('last', [1.0, 0.15])
+def test_particles_still_move_about_a_target_that_became_tiny(last):
+    """Their places scatter by .02 sides and more, as about a target of the first size."""
+    drawn, center = DrawnCard(), (160.0, 120.0)
+    tracker = started(drawn, center)
+    for index in range(1, 61):
+        scale = last**min(index / 50, 1)
+        estimate = tracker.update(drawn.frame(center, 0.0, scale, index))
+    assert estimate.box.width == pytest.approx(60 * scale, rel=0.3)
+    assert estimate.particles[:, 0].std() > 0.02 * np.sqrt(estimate.box.area)
+
+
+@pytest.mark.parametrize('side', [20.0, 60.0, 100.0, 200.0, 400.0])
+def test_patches_show_the_place_that_they_are_of(side):
+    """On ramps of grey the patches' means tell their places, whatever the target's size."""
+    dither, errors = np.random.default_rng(0).random((600, 1000)), []
+    # up and down: what rounding adds to the grey values cancels
+    for slope in (100 / side, -100 / side):
+        grey = 127 + slope * (np.arange(1000) + 0.5 - 500)
+        frame = np.floor((grey + dither).clip(0, 255)).astype(np.uint8)
+        for center in 500 + np.arange(0, 8, 0.5):
+            state = _state(side, 0, (center, 300.0))
+            patch = AffinePatches(frame, state[None], (1.0, 1.0)).grey()[0]
+            errors.append((255 * patch.mean() - 127) / slope + 500 - center)
+    assert np.mean(errors) == pytest.approx(0, abs=0.25)
+
+
 def test_the_angle_follows_a_rotation():
     drawn, center = DrawnCard(), (160.0, 120.0)
     tracker = create_tracker('appf', seed=3)

@@ -38,6 +38,7 @@ class AffinePatches:
         stride = max(1, int(step))
         subset = max(1, stride // 2)
         pixels = frame[low[1]:high[1]:subset, low[0]:high[0]:subset]
+        used = np.array(pixels.shape[1::-1])
         if stride > subset and min(pixels.shape[:2]) > 1:
             # subsampled pixels, averaged two by two: a bounded cost without much aliasing
             pixels = cv2.resize(np.ascontiguousarray(pixels),
@@ -45,9 +46,10 @@ class AffinePatches:
                                 interpolation=cv2.INTER_AREA)
         self._pixels = np.ascontiguousarray(pixels)
         shown = np.array(self._pixels.shape[1::-1])
-        # frame pixels per pixel of the downsampled region, and the region's origin in the frame
-        self._per_pixel = (high - low) / shown if stride > 1 else np.ones(2)
-        self._origin = low
+        # frame pixels per pixel of the downsampled region, and the region's origin in the frame:
+        # a pixel that is used stands for its surroundings, of which it's the middle
+        self._per_pixel = subset * used / shown
+        self._origin = low - (subset - 1) / 2
 
     def grey(self) -> NDArray[np.float32]:
         """

@@ -9,8 +9,8 @@ from vtrack_ros.estimation.particles import systematic
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import affine
 
-#: Allowed scale relative to the first frame's (minimum, maximum).
-_SMALLEST, _LARGEST = 0.2, 5.0
+#: Allowed scale relative to the first frame's (minimum, maximum), by default.
+_SCALES = 0.2, 5.0
 #: Largest allowed elongation: the ratio of the stretches along two axes.
 _MAX_STRETCH = 2.5
 #: Elementwise bound (+/-) of a step in the Lie algebra: logarithms of size and shape, and sides in
@@ -29,15 +29,15 @@ class AffineParticles(ABC):
 
     All particles start at `first`, shape (3, 3). A step that takes a particle's centre more than
     one mean side beyond the border of the image is refused; `limit` is the image's (width, height)
-    in pixels.
+    in pixels. So is one to a scale outside `scales`, (minimum, maximum), relative to the first.
     """
 
     states: Array
 
-    def __init__(self, first: Array, count: int, limit: Array,
-                 rng: np.random.Generator) -> None:
+    def __init__(self, first: Array, count: int, limit: Array, rng: np.random.Generator,
+                 scales: tuple[float, float] = _SCALES) -> None:
         self._rng = rng
-        self._limit = limit
+        self._limit, self._scales = limit, scales
         self._first_scale = float(affine.scale(first))
         self.restart(first, count)
 
@@ -77,8 +77,8 @@ class AffineParticles(ABC):
         margin = scale[:, None]
         near = ((center > -margin) & (center < self._limit + margin)).all(1)
         return (
-            near & (affine.determinant(states[:, :2, :2]) > 0) & (relative > _SMALLEST)
-            & (relative < _LARGEST) & (affine.stretch(states) < _MAX_STRETCH))
+            near & (affine.determinant(states[:, :2, :2]) > 0) & (relative > self._scales[0])
+            & (relative < self._scales[1]) & (affine.stretch(states) < _MAX_STRETCH))
 
 
 class GroupParticles(AffineParticles):

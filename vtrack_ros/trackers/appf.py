@@ -12,6 +12,7 @@ from vtrack_ros.geometry import affine, Box
 from vtrack_ros.localisation import Found
 from vtrack_ros.localisation.filter_parameters import (
     AFFINE, AFFINE_GROUP, AFFINE_NOISES, LOCALISER)
+from vtrack_ros.localisation.localiser import LARGEST, SMALLEST
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.tracker import Estimate
 from vtrack_ros.trackers.localised_tracker import LocalisedTracker
@@ -27,6 +28,8 @@ _LEAST_TURN = 0.06
 _LEAST_GAIN = 1.05
 #: Samples along each side of a patch.
 _SIDE = 24
+#: Bounds of the particles' scale: beyond the localiser's, which they follow.
+_SCALES = SMALLEST / 2, 2 * LARGEST
 
 
 class AffineParticleFilter(LocalisedTracker):
@@ -67,7 +70,7 @@ class AffineParticleFilter(LocalisedTracker):
             [[side, 0, box.center[0]], [0, side, box.center[1]], [0, 0, 1.0]])
         count = int(self._parameters['particles'])
         self._particles = GroupParticles(
-            self._state, count, np.array(frame.shape[1::-1]), self._rng)
+            self._state, count, np.array(frame.shape[1::-1]), self._rng, _SCALES)
         self._likelihood = AffineLikelihood(
             frame, self._state, self._size, int(self._parameters['eigenvectors']), True, _SIDE)
         self._begin(frame, box)
