@@ -1,12 +1,37 @@
 """How fast a localiser learns how a target looks, and its size: by the time, not by the frame."""
 
+import math
+
+import cv2
 from drawn_video import DrawnVideo, look_alike, region_at, START, TARGET
 import numpy as np
 import pytest
 
+from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser
+from vtrack_ros.trackers import create_tracker
 
 VIDEO = DrawnVideo(seed=1)
+
+
+@pytest.mark.parametrize('tracker', ['dcf', 'gmpf'])
+@pytest.mark.parametrize('share', [0.31, 0.23, 0.17, 0.11])
+def test_a_target_between_pixels_is_learned_where_it_is(tracker, share):
+    """In frames like the first one, a target of 5 to 15 px stays on its place and in its size."""
+    frame = cv2.resize(VIDEO.frame(START, noise=0.0), None, fx=share, fy=share,
+                       interpolation=cv2.INTER_AREA)
+    errors, growths = [], []
+    for shift in np.linspace(0, 1, 5):
+        center, size = ([share * length for length in pair] for pair in (START, TARGET))
+        box = Box.from_center(center[0] + shift, center[1] + shift, *size)
+        following = create_tracker(tracker, seed=0)
+        following.start(frame, box)
+        for _ in range(9):
+            estimate = following.update(frame)
+        errors.append(math.dist(estimate.box.center, box.center))
+        growths.append(estimate.box.width / box.width)
+    assert max(errors) < 0.3
+    assert growths == pytest.approx(5 * [1.0], abs=0.05)
 
 
 def response_after(*intervals):

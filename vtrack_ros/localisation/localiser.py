@@ -58,11 +58,12 @@ class Localiser:
                  confined: bool = False) -> None:
         layout = WindowLayout.around(*size, FINE if confined else COARSE)
         window = layout.window(frame, center, size)
-        model = self.MODEL.create(window, confined)
-        self._template = InitialTemplate.of(model, window)
+        shift = window.shift(center)
+        growth = math.sqrt(math.prod(size) / math.prod(window.size))
+        model = self.MODEL.create(window, confined, shift, growth)
+        self._template = InitialTemplate.of(model, window, shift)
         self._first_model, self._first_size, self._window = model, size, window
-        own = float(model.response(window).max())
-        self._least_usual = _FIRST_RESPONSE * own, _FIRST_SIMILARITY
+        self._least_usual = _FIRST_RESPONSE * float(model.response(window).max()), _FIRST_SIMILARITY
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
         self._rng, self._growing, self._similarity = rng, False, 1.0
         self._presence, self._time = PresenceDetector(), ExampleTime()
@@ -228,8 +229,7 @@ class Localiser:
         """Restart with the first frame's model, at a place with that similarity to it."""
         self._live = replace(self._live, model=self._first_model, center=center, size=size,
                              usual_similarity=similarity, turn=0.0)
-        self._similarity, self._failure = similarity, None
-        self._velocity = 0.0, 0.0
+        self._similarity, self._failure, self._velocity = similarity, None, (0.0, 0.0)
 
     def _updated(self, frame: Frame, response: ResponseMap, center: Point,
                  dt: float) -> TargetSnapshot:

@@ -43,9 +43,8 @@ _SHARPNESS_WEIGHT, _SIMILARITY_WEIGHT, _INTERCEPT = 2.4, 1.9, 1.65
 _LEAST_SHARPNESS, _LEAST_SIMILARITY = 0.1, 0.01
 #: A target that turns changes gradually, one that's occluded abruptly. Hysteresis of a fall: it
 #: begins where log(similarity) is more than the first value below its moving average, and ends
-#: within the second; weight of the latest frame in the average. Log-odds that a fall subtracts.
-_FALL, _RECOVERED, _USUAL_RATE = 0.9, 0.45, 0.05
-_FALL_WEIGHT = 1.0
+#: within the second; weight of the latest frame in the average; log-odds that a fall subtracts.
+_FALL, _RECOVERED, _USUAL_RATE, _FALL_WEIGHT = 0.9, 0.45, 0.05, 1.0
 #: Similarity of another model to its own initial template below which it's evidence against the
 #: target: the logarithm of their ratio is added to the log-odds.
 _OTHER_EVEN_SIMILARITY = 0.07
@@ -92,14 +91,15 @@ class InitialTemplate:
     colour: float
 
     @classmethod
-    def of(cls, model: TargetModel, window: SearchWindow) -> InitialTemplate:
-        """Make the template of a model and the window it learned, the target in the middle."""
+    def of(cls, model: TargetModel, window: SearchWindow,
+           shift: Point = (0.0, 0.0)) -> InitialTemplate:
+        """Make the template of a model and the window it learned, the target at that shift."""
         whole = model.correlation
         part = whole.confined(*window.layout.target)
         own = float(part.response(window.spectrum).max())
         gain = _PART_PEAK / max(own, _LEAST_PART)
         both = np.stack([whole.numerator, np.complex64(gain) * part.numerator])
-        colour = model.colours.mean_probability(window.colours, window.rectangle((0.0, 0.0)))
+        colour = model.colours.mean_probability(window.colours, window.rectangle(shift))
         return cls(replace(whole, numerator=both), model.colours, colour)
 
     def similarity(self, window: SearchWindow, shift: Point = (0.0, 0.0)) -> float:

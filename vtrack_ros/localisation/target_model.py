@@ -55,9 +55,15 @@ class TargetModel:
     scale: ScaleRegression
 
     @classmethod
-    def create(cls, window: SearchWindow, confined: bool = False) -> TargetModel:
-        """Learn the target in the middle of a window; confined: a filter of its box only."""
-        layout, middle = window.layout, (0.0, 0.0)
+    def create(cls, window: SearchWindow, confined: bool = False, shift: Point = (0.0, 0.0),
+               growth: float = 1.0) -> TargetModel:
+        """
+        Learn the target in a window; confined: a filter of its box only.
+
+        It's `shift` cells off the window's centre, and by the factor `growth` larger than the
+        window's size: windows are of whole pixels.
+        """
+        layout = window.layout
         width, height = layout.target
         correlation = CorrelationFilter.create(
             layout.rows, layout.columns, _LABEL_WIDTH * float(np.sqrt(width * height)))
@@ -65,9 +71,9 @@ class TargetModel:
             correlation = ConstrainedFilter.within(width, height, correlation)
         scale = ScaleRegression.create(layout.SAMPLES * width, layout.SAMPLES * height)
         return cls(
-            layout, correlation.updated(window.spectrum, 1.0),
-            ColourModel.create().updated(window.colours, window.rectangle(middle), 1.0),
-            scale.updated(window.grey, window.sample_at(middle), 1.0, 1.0))
+            layout, correlation.updated(window.spectrum, 1.0, shift),
+            ColourModel.create().updated(window.colours, window.rectangle(shift), 1.0),
+            scale.updated(window.grey, window.sample_at(shift), growth, 1.0))
 
     def response(self, window: SearchWindow) -> NDArray[np.float32]:
         """
