@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation import systematic, Weights
+from vtrack_ros.estimation import at_least, spread_about, systematic, Weights
 
 
 def test_weights_are_normalised_whatever_their_size():
@@ -110,3 +110,17 @@ def test_wrong_weights_for_resampling_are_refused(weights):
 def test_no_particles_are_refused():
     with pytest.raises(ValueError, match='count'):
         systematic(np.ones(3), 0, np.random.default_rng(8))
+
+
+def test_a_covariance_is_raised_where_it_is_below_another_one():
+    """In every direction it's at least the other; where it was more, it stays as it is."""
+    rng, least = np.random.default_rng(0), np.array([1.0, 4.0, 0.25, 2.0])
+    for count in (2, 3, 50):
+        states = rng.normal(0, 1, (count, 4)) * (9.0, 0.1, 5.0, 0.0)
+        few = spread_about(states.mean(0), states, np.full(count, 1 / count))
+        raised = at_least(few, least)
+        np.testing.assert_allclose(raised, raised.T)
+        assert np.linalg.eigvalsh(raised - np.diag(least)).min() > -1e-9
+        assert np.linalg.eigvalsh(raised - few).min() > -1e-9
+    more = np.diag(least) + few
+    np.testing.assert_allclose(at_least(more, least), more)

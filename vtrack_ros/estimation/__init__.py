@@ -31,7 +31,8 @@ from vtrack_ros.estimation.kalman import (
 from vtrack_ros.estimation.model import (
     ConstantVelocity, GaussianNoise, LinearModel, StateSpaceModel)
 from vtrack_ros.estimation.particle_filter import ParticleFilter
-from vtrack_ros.estimation.particles import Belief, spread_about, systematic, Weights
+from vtrack_ros.estimation.particles import (
+    at_least, Belief, spread_about, systematic, Weights)
 from vtrack_ros.estimation.proposals import (
     GaussianFilterProposal, PriorProposal, Proposal, Proposed)
 from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter
@@ -40,7 +41,7 @@ from vtrack_ros.estimation.sigma_points import (
     SigmaPointRule, unscented)
 
 __all__ = [
-    'Belief', 'central_differences', 'ConstantVelocity', 'covariance_factors', 'cubature',
+    'at_least', 'Belief', 'central_differences', 'ConstantVelocity', 'covariance_factors', 'cubature',
     'ExtendedKalmanFilter', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
     'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
     'KalmanFilter', 'LinearModel', 'mix', 'moments', 'ParticleFilter', 'PriorProposal',

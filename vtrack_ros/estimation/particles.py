@@ -126,6 +126,20 @@ def spread_about(centre: Array, states: Array, weights: Array) -> Array:
     return (deviation.T * weights) @ deviation
 
 
+def at_least(covariance: Array, least: Array) -> Array:
+    """
+    Return a covariance, shape (n, n), raised where it's below another one.
+
+    `least`, shape (n,), are the variances of the other one, which is diagonal and positive. In
+    every direction the result is no less than it: so it's positive definite.
+    """
+    scale = np.sqrt(least)
+    values, vectors = np.linalg.eigh(covariance / scale / scale[:, None])
+    root = vectors * np.sqrt(np.maximum(values, 1.0)) * scale[:, None]
+    raised: Array = root @ root.T
+    return raised
+
+
 def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """
     Resample with one uniform number: the points (j + u) / count on the cumulative weights.

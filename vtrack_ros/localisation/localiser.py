@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from vtrack_ros.appearance.image_motion import TargetFlow
+from vtrack_ros.estimation import at_least
 from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.affine import transformation
@@ -214,14 +215,13 @@ class Localiser:
         """
         Return the estimate; the size is the target's own where none is given.
 
-        The variances' lower bounds are those of `PresenceDetector.least_covariance`.
+        In no direction is its variance below that of `PresenceDetector.least_covariance`.
         """
         center, angle, size = self.center, self.angle, size or self.size
         box = Box.around_ellipse(center, size, angle)
         least = self._presence.least_covariance(box.area, *self.LEAST_ERRORS)
-        missing = np.maximum(least.diagonal() - covariance.diagonal(), 0.0)
         return Estimate(
-            box=box, angle=angle, covariance=covariance + np.diag(missing),
+            box=box, angle=angle, covariance=at_least(covariance, least.diagonal()),
             confidence=self._presence.confidence, state=state_after(self._presence.absent_frames),
             particles=particles, affine=transformation(center, size, angle) if angle else None)
 
