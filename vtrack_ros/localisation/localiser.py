@@ -182,7 +182,8 @@ class Localiser:
                 sharpness = sighting.sharpness
         first = None
         if self._presence.doubts and not afresh:
-            first = ResponseMap(self._window, self._first_model.response(self._window)).sharpness
+            window = self._live.window(frame, self.center) if elsewhere else self._window
+            first = ResponseMap(window, self._first_model.response(window)).sharpness
         self._presence.judge(self._similarity, sharpness, dt, afresh, support, first)
         return elsewhere
 
