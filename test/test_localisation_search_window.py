@@ -36,6 +36,16 @@ def test_windows_described_together_are_those_described_alone(channels):
         assert error < 0.02 * np.linalg.norm(alone.spectrum)
 
 
+@pytest.mark.parametrize('side', [16.0, 17.0, 33.0, 40.7])
+def test_windows_beside_are_of_whole_pixels(side):
+    """Each is the part of the frame that it says it is, whatever the target's size."""
+    layout = WindowLayout.around(side, side)
+    for found in layout.windows_beside(FRAME, HERE, (side, side), 0.0, AROUND):
+        width, height = found.cell[0] * layout.columns, found.cell[1] * layout.rows
+        assert (found.pixels.width, found.pixels.height) == (width, height)
+        assert found.pixels.center == found.center
+
+
 @pytest.mark.parametrize('angle', [0.5, -2.0])
 def test_windows_beside_a_turned_one_are_turned_with_it(angle):
     """Their centres are half a window along its own sides, and they show what is there."""

@@ -130,9 +130,13 @@ class WindowLayout:
 
     def windows_beside(self, frame: Frame, center: Point, size: Point, angle: float,
                        steps: Sequence[Step]) -> list[SearchWindow]:
-        """Sample the windows some steps from that one, all at once, for they overlap."""
+        """
+        Sample the windows some steps from that one, all at once, for they overlap.
+
+        All four quarters of a window have whole pixels, so that each window has them too.
+        """
         rows, columns = self.rows, self.columns
-        whole = self._pixels(center, (2 * size[0], 2 * size[1]), angle)
+        whole = self._pixels(center, (2 * size[0], 2 * size[1]), angle, 4)
         grey, colours, features = _described(frame, whole, 2 * rows, 2 * columns)
         side, windows = (whole.width / 2, whole.height / 2), []
         halves = Grid(whole.center, (side[0] / 2, side[1] / 2), angle)
@@ -147,8 +151,11 @@ class WindowLayout:
                 features[cells]))
         return windows
 
-    def _pixels(self, center: Point, size: Point, angle: float) -> PixelWindow:
-        return PixelWindow.about(center, (size[0] * self.reach[0], size[1] * self.reach[1]), angle)
+    def _pixels(self, center: Point, size: Point, angle: float, parts: int = 1) -> PixelWindow:
+        """Return the window about a target, whose sides can be divided into that many parts."""
+        width, height = (
+            parts * max(1, round(side * reach / parts)) for side, reach in zip(size, self.reach))
+        return PixelWindow.about(center, (width, height), angle)
 
     def _window(self, center: Point, side: Point, angle: float, grey: Frame, colours: Colours,
                 features: Features) -> SearchWindow:
