@@ -1,5 +1,6 @@
 """Properties of every tracker for any image, box, parameters and intervals."""
 
+from drawn_video import DrawnVideo, SIZE, START, TARGET
 from hypothesis import given, settings, strategies as st
 import numpy as np
 import pytest
@@ -130,3 +131,21 @@ def test_what_is_no_frame_is_refused(name, shape, kind):
         return
     with pytest.raises(error, match='frame must'):
         tracker.start(frame, Box(0, 0, 2, 2))
+
+
+@pytest.mark.parametrize('name', ['dcf', 'gmpf', 'pqkpf', 'abmspf', 'pf'])
+@pytest.mark.parametrize('inwards', [0.0, 0.5])
+def test_a_target_at_any_border_stays_where_it_is(name, inwards):
+    """One whose centre is on the border, or half a pixel from it, isn't moved by any of them."""
+    frame = DrawnVideo(seed=1).frame(START, noise=0.0)
+    left, top = round(START[0]), round(START[1])
+    for part in ((0, 0, left, SIZE[1]), (left, 0, SIZE[0], SIZE[1]),
+                 (0, 0, SIZE[0], top), (0, top, SIZE[0], SIZE[1])):
+        center = [min(max(place, low + inwards), high - inwards) - low
+                  for place, low, high in zip(START, part[:2], part[2:])]
+        image = frame[part[1]:part[3], part[0]:part[2]]
+        tracker = create_tracker(name, seed=0)
+        tracker.start(image, Box.from_center(*center, *TARGET))
+        for _ in range(4):
+            estimate = tracker.update(image)
+        assert estimate.box.center == pytest.approx(center, abs=0.45)

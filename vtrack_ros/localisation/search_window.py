@@ -178,5 +178,4 @@ def _described(frame: Frame, whole: PixelWindow, rows: int,
 def inside(place: Point, frame: Frame) -> Point:
     """Return the place inside the frame that is nearest to a place, in pixels."""
     height, width = frame.shape[:2]
-    return (float(min(max(place[0], 0.0), width - 1.0)),
-            float(min(max(place[1], 0.0), height - 1.0)))
+    return float(min(max(place[0], 0.0), width)), float(min(max(place[1], 0.0), height))
