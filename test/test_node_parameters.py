@@ -225,6 +225,9 @@ def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
 @pytest.mark.parametrize('name, value, told', [
     ('gmpf.particles', '0', ['gmpf.particles', '5000']),
     ('tracker', 'csrt', ['csrt', 'gmpf']),
+    ('pose_units', 'metre', ['pose_units', 'pixels, ray, metres', "not 'metre'"]),
+    ('image_transport', 'theora', ['image_transport', 'raw, compressed', "not 'theora'"]),
+    ('reliability', 'best-effort', ['reliability', 'best_effort', "not 'best-effort'"]),
     ('init_box', '[1.0, 2.0]', ['2 values', 'width']),
     ('gmpf.temperature', 'wide', ['gmpf.temperature', 'a number from', "not 'wide'"]),
     ('history_seconds', '3', ['history_seconds', 'from 0 to 30', 'decimal point: 3.0']),

@@ -178,7 +178,7 @@ class ParameterNode(Node):
             Node.get_logger(self).warning(f'unknown parameter {full!r} ignored; {valid}')
         values = {full: self.get_parameter(full).value for full in self._table}
         own, trackers = _by_owner(values)
-        self.settings = NodeSettings(own)
+        self.settings = NodeSettings(NODE_PARAMETERS.checked(own))
         self.init_box = checked_init_box(self.get_parameter(INIT_BOX).value)
         self.session = TrackingSession(
             self.settings.text('tracker'), int(self.settings.number('seed')), trackers)
