@@ -5,7 +5,9 @@ import math
 from node_harness import Client, NodeProcess, overlap, Scene
 import pytest
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
+from rcl_interfaces.srv import (
+    DescribeParameters, ListParameters, SetParameters, SetParametersAtomically)
+from rclpy.parameter import Parameter
 from siamese_files import network_files
 
 from vtrack_ros.ros.parameter_node import parameter_table
@@ -112,14 +114,35 @@ def test_refused_atomically(talk):
     assert tracks_on(talk, 1)
 
 
+@pytest.mark.parametrize('rows, told', [
+    ([('start_type_description_service', False)], 'read-only'),
+    ([('use_sim_time', 1)], 'expected'),
+    ([('gmpf.particles', -1), ('gmpf.particles', 77)], 'an integer from 2 to 5000, not -1'),
+])
+def test_refused_by_ros_changes_nothing(talk, rows, told):
+    """A wrong value of a parameter of ROS, or of one given twice, doesn't change the tracker."""
+    scene, client = talk
+    before = client.get('tracker', 'gmpf.particles')
+    request = [Parameter(name, value=value).to_parameter_msg()
+               for name, value in [('tracker', 'pf'), *rows]]
+    result = client.ask(
+        '~/set_parameters_atomically', SetParametersAtomically, parameters=request).result
+    assert not result.successful and told in result.reason
+    assert client.get('tracker', 'gmpf.particles') == before
+    start, client.index = client.index, client.index + 1
+    answer, = client.play(scene, [start])
+    assert client.state_after(answer)['tracker'] == 'gmpf'
+    assert overlap(answer, scene.box(start)) > 0.4
+
+
 def test_a_request_that_cannot_be_read_ends_nothing(talk):
     """After a value of a type that doesn't exist the node goes on tracking."""
-    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.msg import Parameter as ParameterMessage, ParameterValue
     _, client = talk
     caller = client.node.create_client(SetParameters, '/tracker/set_parameters')
     assert caller.wait_for_service(10)
     caller.call_async(SetParameters.Request(parameters=[
-        Parameter(name='seed', value=ParameterValue(type=99))]))
+        ParameterMessage(name='seed', value=ParameterValue(type=99))]))
     assert tracks_on(talk, 2)
     client.node.destroy_client(caller)
 

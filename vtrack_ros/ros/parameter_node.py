@@ -182,6 +182,8 @@ class ParameterNode(Node):
         self.init_box = checked_init_box(self.get_parameter(INIT_BOX).value)
         self.session = TrackingSession(
             self.settings.text('tracker'), int(self.settings.number('seed')), trackers)
+        # A change of the session can't be undone: so rclpy makes its own checks before it.
+        self.add_on_set_parameters_callback(self._change_session)
 
     def set_parameters(self, parameter_list: list[RosParameter]) -> list[SetParametersResult]:
         """Set parameters one by one."""
@@ -190,37 +192,45 @@ class ParameterNode(Node):
     def set_parameters_atomically(
             self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set all of the parameters, or none."""
-        values = {parameter.name: parameter.value for parameter in parameter_list}
         try:
-            self._check_before_ros(values)
-            own, trackers = _by_owner(values)
-            own = NODE_PARAMETERS.checked(own)
-            box = checked_init_box(values[INIT_BOX]) if INIT_BOX in values else self.init_box
-            tracker, seed = own.get('tracker'), own.get('seed')
-            self.session.change(None if tracker is None else str(tracker),
-                                None if seed is None else int(seed), trackers)
+            for parameter in parameter_list:
+                self._check_before_ros(parameter.name, parameter.value)
         except (TypeError, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         result = super().set_parameters_atomically(parameter_list)
         if result.successful:
-            self.settings.update(own)
-            self.init_box = box
+            values = {parameter.name: parameter.value for parameter in parameter_list}
+            self.settings.update(_by_owner(values)[0])
+            if INIT_BOX in values:
+                self.init_box = checked_init_box(values[INIT_BOX])
             if self.on_change is not None:
                 self.on_change(values)
         return result
 
-    def _check_before_ros(self, values: dict[str, Any]) -> None:
+    def _check_before_ros(self, name: str, value: Any) -> None:
         """Raise an error at what rclpy would refuse less clearly, or not at all."""
-        for name, value in values.items():
-            row = self._table.get(name)
-            if row is None:
-                if not self.has_parameter(name):
-                    raise ValueError(
-                        f'unknown parameter {name!r}; valid are {self._neighbours(name)}')
-            elif not row.dynamic:
-                raise ValueError(f'{name} is read-only: it is fixed when the node starts')
-            elif row.kind is float and type(value) is int:
-                raise _wrong_type(row, value)
+        row = self._table.get(name)
+        if name == INIT_BOX:
+            checked_init_box(value)
+        elif row is None:
+            if not self.has_parameter(name):
+                raise ValueError(
+                    f'unknown parameter {name!r}; valid are {self._neighbours(name)}')
+        elif not row.dynamic:
+            raise ValueError(f'{name} is read-only: it is fixed when the node starts')
+        elif row.kind is float and type(value) is int:
+            raise _wrong_type(row, value)
+        else:
+            row.checked(value)
+
+    def _change_session(self, parameter_list: list[RosParameter]) -> SetParametersResult:
+        """Change the session, if it takes the values; rclpy has found nothing wrong with them."""
+        own, trackers = _by_owner({one.name: one.value for one in parameter_list})
+        try:
+            self.session.change(own.get('tracker'), own.get('seed'), trackers)
+        except (TypeError, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def _neighbours(self, name: str) -> str:
         """List valid names in place of a wrong one: those with its prefix, else the node's."""
