@@ -62,13 +62,12 @@ def node(path, namespace, target):
         raise ValueError(f'{path}: {namespace}: {error}') from None
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
-    # Both image topics, for the node subscribes to the one that its image_transport asks for.
-    sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     profile = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
     return Node(
         package='vtrack_ros', executable='tracker', name='tracker', namespace=namespace,
         parameters=[*filter(None, [file, parameters])],
-        remappings=[(name, target[key]) for name, key in sources.items() if target.get(key)],
+        remappings=[(name, target[name]) for name in ('image', 'camera_info')
+                    if target.get(name)],
         respawn=respawn, respawn_delay=1.0,
         additional_env={'FASTRTPS_DEFAULT_PROFILES_FILE': profile,
                         'FASTDDS_DEFAULT_PROFILES_FILE': profile},

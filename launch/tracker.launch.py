@@ -19,8 +19,8 @@ import yaml
 
 ARGUMENTS = {
     'tracker': ('', 'name of the tracker; empty: as params_file says, or gmpf'),
-    'image': ('', 'topic of the images, or of the compressed ones; empty: image, or '
-                  'image/compressed'),
+    'image': ('', 'topic of the images; for compressed ones, /compressed is appended unless it '
+                  'is there; empty: image'),
     'camera_info': ('', 'topic of the calibration; empty: camera_info'),
     'image_transport': ('', 'raw or compressed; empty: as params_file says, or raw'),
     'init_box': ('', 'box of the target in the first image: "[x, y, width, height]" in pixels; '
@@ -59,16 +59,13 @@ def nodes(context):
     box = target(given['init_box'])
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
-    # Both image topics, for the node subscribes to the one that its image_transport asks for.
-    sources = {'image': 'image', 'image/compressed': 'image', 'camera_info': 'camera_info'}
     return [Node(
         package='vtrack_ros',
         executable='tracker_lifecycle' if switch(given, 'managed') else 'tracker',
         namespace=given['namespace'],
         name=given['name'],
         parameters=[*filter(None, [given['params_file'], parameters])],
-        remappings=[(name, given[argument]) for name, argument in sources.items()
-                    if given[argument]],
+        remappings=[(name, given[name]) for name in ('image', 'camera_info') if given[name]],
         arguments=['--ros-args', '--log-level', given['log_level']],
         respawn=switch(given, 'respawn'),
         respawn_delay=1.0,

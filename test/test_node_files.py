@@ -160,9 +160,22 @@ def test_launch_passes_on_what_is_given(launched, repository):
         use_sim_time='true', init_box='[300, 200, 60, 80]', camera_info='/info')
     assert values(node) == {'tracker': 'pf', 'image_transport': 'compressed',
                             'use_sim_time': True, 'init_box': [300.0, 200.0, 60.0, 80.0]}
-    # The node subscribes to one of the two image topics, depending on its image_transport.
-    assert sorted(node.remappings) == [
-        ('camera_info', '/info'), ('image', '/camera'), ('image/compressed', '/camera')]
+    assert sorted(node.remappings) == [('camera_info', '/info'), ('image', '/camera')]
+
+
+@pytest.mark.parametrize('image', ['/image_raw', '/image_raw/compressed'])
+@pytest.mark.parametrize('name', ['tracker.launch.py', 'multi.launch.py'])
+def test_compressed_images_of_a_camera(launched, tmp_path, name, image):
+    """Given a camera's topic, or its compressed one, the node takes the compressed images."""
+    if name.startswith('multi'):
+        path = tmp_path / 'targets.yaml'
+        path.write_text(f'a: {{image: {image}, parameters: {{image_transport: compressed}}}}')
+        node, = launched(name, targets=str(path))
+    else:
+        node, = launched(name, image=image, image_transport='compressed')
+    remaps = [word for old, new in node.remappings for word in ('-r', f'{old}:={new}')]
+    with NodeProcess(*remaps, **values(node)) as process:
+        process.wait_for_log('images are taken from /image_raw/compressed;')
 
 
 @pytest.mark.parametrize('text', ['', '[]'])
@@ -213,7 +226,7 @@ third:
     assert (left.namespace, right.namespace, third.namespace) == ('left', 'right', 'third')
     assert left.parameters[0] == str(mine)
     assert values(left) == {'init_box': [1.0, 2.0, 30.0, 40.0], 'gmpf': {'particles': 50}}
-    assert sorted(left.remappings) == [('image', '/camera'), ('image/compressed', '/camera')]
+    assert left.remappings == [('image', '/camera')]
     assert values(right) == values(third) == {}
     assert right.remappings == []
     path.write_text('left: {parameters: {init_box: [1, 2]}}')

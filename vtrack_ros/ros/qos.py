@@ -122,11 +122,12 @@ def image_topic(node: Node, transport: str) -> str:
     """
     Return the topic of the images: `image`, or, as in image_transport, a subtopic of it.
 
-    A remap of ``image/compressed`` itself takes precedence over one of ``image``.
+    A remap of ``image/compressed`` itself takes precedence over one of ``image``, which may
+    already name the subtopic.
     """
     if transport == 'raw':
         return 'image'
     plain = f'{node.get_namespace().rstrip("/")}/image/{transport}'
     if node.resolve_topic_name(f'image/{transport}') != plain:
         return f'image/{transport}'
-    return f'{node.resolve_topic_name("image")}/{transport}'
+    return f'{node.resolve_topic_name("image").removesuffix(f"/{transport}")}/{transport}'
