@@ -1,5 +1,8 @@
 """The target's motion over DDS: the twist, and a pose that is predicted to the present."""
 
+import subprocess
+import sys
+
 from diagnostic_msgs.msg import DiagnosticArray
 from drawn_card import DrawnCard
 from geometry_msgs.msg import PoseWithCovarianceStamped, TwistWithCovarianceStamped
@@ -8,6 +11,8 @@ import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo
+
+from vtrack_ros.bags import BagReader
 
 SCENE = Scene()
 BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
@@ -124,6 +129,26 @@ def test_pose_is_ahead_of_its_image(client, process):
         center = answer.detections[0].bbox.center.position
         assert answer.header == pose.header
         assert (pose.pose.position.x, pose.pose.position.y) == (center.x, center.y)
+
+
+def test_a_bag_sets_the_clock_before_each_image(repository):
+    """While a bag is played with its clock, no image comes before its time."""
+    path = repository / 'bags' / 'face_fast'
+    with BagReader(path) as bag:
+        truth = bag.truth()
+        last = max(truth)
+    box = truth[min(truth)].as_array().tolist()
+    with NodeProcess('-r', '__ns:=/bag', init_box=box, use_sim_time='true',
+                     predict_to_now='true') as process, (
+            Client('/bag/tracker', publish=None)) as client:
+        client.ready()
+        player = subprocess.run(
+            [sys.executable, '-m', 'vtrack_ros.cli.command_line', 'play', str(path), '--clock',
+             '--topic', 'image', '--remap', 'image:=/bag/image', '--wait', '20'], check=False)
+        assert player.returncode == 0
+        heard = client.heard['detections']
+        client.until(lambda: heard and stamp(heard[-1]) == last, 'no last image')
+        assert client.heard['pose'] and 'predict_to_now' not in process.log
 
 
 def test_metres_per_second(client):

@@ -31,7 +31,8 @@ class Pace:
     """
     The pace at which a bag is played: `rate` is a factor of the speed, `loop` repeats for ever.
 
-    `clock` [Hz] is the rate at which the bag's time is published on ``/clock``; 0: never.
+    `clock` [Hz] is the rate at which the bag's time is published on ``/clock``, as it also is
+    before each image; 0: never.
     """
 
     rate: float = 1.0
@@ -164,6 +165,9 @@ class Player:
                 tick += 1
             if not self._sleep_until(began + due):
                 return
+            if clock is not None and message.topic in self._images:
+                # Since the last tick time has stood still: the image would come before its time.
+                clock(message.received)
             self._publishers[message.topic].publish(bytes(message.data))
             # publishing itself may be held up, so the delay is measured after it
             if (late := time.monotonic() - began - due) > _MOST_DELAY:

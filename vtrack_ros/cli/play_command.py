@@ -30,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='speed: 2 plays twice as fast (default: %(default)s)')
     parser.add_argument('--loop', action='store_true', help='repeat the bag until Ctrl-C')
     parser.add_argument('--clock', type=positive_number, nargs='?', const=40.0, default=0.0,
-                        metavar='HZ', help="publish the bag's time on /clock, at 40 Hz or at HZ")
+                        metavar='HZ', help="publish the bag's time on /clock, at 40 Hz or at HZ, "
+                        'and before each image')
     parser.add_argument('--topic', '--topics', nargs='+', metavar='T', action='extend',
                         help='publish only these topics (default: all)')
     parser.add_argument('--remap', nargs='+', type=_remap, action='extend', default=[],
