@@ -8,7 +8,7 @@ import threading
 from node_harness import Client, END_WITH_PARENT, image_message, Scene
 import pytest
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 from shared_segments import segments
 from vtrack_ros.cli import installation
 from vtrack_ros.cli.command_line import main
@@ -20,7 +20,7 @@ CAMERA = END_WITH_PARENT + """
 import time
 import rclpy
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 rclpy.init()
 node = rclpy.create_node('camera')
 publisher = node.create_publisher(Image, 'camera/image_raw', qos_profile_sensor_data)
@@ -137,6 +137,22 @@ def test_topics(capsys):
     assert '/client receives nothing from /client' in starting(found, 'wrong /camera/image_raw')
     assert 'no image was received' in starting(found, 'wrong /silent')
     # A tracker's debug image, for viewers, is no camera.
+    assert not any('debug_image' in line for line in found)
+
+
+def test_a_topic_that_nobody_publishes(capsys):
+    """A node that waits for images is named, with its topic and those that are published."""
+    with Client('/camera/driver', topic='image_raw') as client:
+        for topic in ('/camera/image', '/tracker/debug_image'):
+            client.node.create_subscription(Image, topic, print, 1)
+        client.node.create_subscription(CompressedImage, '/image/compressed', print, 1)
+        code, found = lines(capsys, '--seconds', '0')
+    assert code == 1
+    line = starting(found, 'wrong /camera/image: no node publishes it, but /client waits for')
+    assert found[found.index(line) + 1].endswith('one that is published: /camera/image_raw')
+    line = starting(found, 'wrong /image/compressed: no node publishes it')
+    assert 'no topic of its type is published' in found[found.index(line) + 1]
+    # A viewer may wait for a tracker's debug image.
     assert not any('debug_image' in line for line in found)
 
 

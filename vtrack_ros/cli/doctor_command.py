@@ -52,7 +52,7 @@ def _findings(seconds: float) -> Iterator[Finding]:
         return
     try:
         rclpy = load_rclpy('the node')
-        from vtrack_ros.ros.topic_survey import survey
+        from vtrack_ros.ros.topic_survey import awaited, survey
     except ModuleNotFoundError as error:
         yield Finding(f'no ROS: trackers, bags and evaluation work, but not the node: {error}',
                       'source /opt/ros/jazzy/setup.bash, or run scripts/setup')
@@ -72,10 +72,20 @@ def _findings(seconds: float) -> Iterator[Finding]:
             yield Finding('no node publishes images',
                           'start the camera driver, or vtrack play bags/face_fast --loop; if it '
                           'is running, check that its ROS_DOMAIN_ID is the same')
+        yield from map(_of_awaited, awaited(node))
     finally:
         executor.shutdown()
         leave(node)
         rclpy.try_shutdown(context=context)
+
+
+def _of_awaited(topic: Any) -> Finding:
+    who = ', '.join(topic.subscribers)
+    waits = 'waits' if len(topic.subscribers) == 1 else 'wait'
+    others = (f', or remap the topic to one that is published: {", ".join(topic.published)}'
+              if topic.published else '; no topic of its type is published')
+    return Finding(f'{topic.name}: no node publishes it, but {who} {waits} for images on it',
+                   f'start the camera driver{others}', wrong=True)
 
 
 def _middleware(rclpy: Any, profile: Finding) -> Iterator[Finding]:

@@ -51,6 +51,24 @@ class ImageTopic:
         return self.size > SHARED_MEMORY // 2
 
 
+@dataclass(frozen=True)
+class AwaitedTopic:
+    """An image topic that no node publishes, its subscribers, and published ones of its type."""
+
+    name: str
+    subscribers: tuple[str, ...]
+    published: tuple[str, ...]
+
+
+def awaited(node: Node) -> list[AwaitedTopic]:
+    """Return the topics that nodes wait for images on, but none publishes, sorted by name."""
+    topics = _image_topics(node)
+    published = [(name, kind) for name, kind in topics if node.count_publishers(name)]
+    return [AwaitedTopic(name, _readers(node, name),
+                         tuple(other for other, its in published if its == kind))
+            for name, kind in topics if not node.count_publishers(name) and _readers(node, name)]
+
+
 def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list[ImageTopic]:
     """Listen for `seconds` on every published image topic; return them sorted by name."""
     known: set[object] = set()
@@ -62,15 +80,24 @@ def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list
         if seen == known:
             break
         known = seen
-    listeners = [_Listener(node, name, kind)
-                 for name, kinds in sorted(node.get_topic_names_and_types())
-                 for kind in kinds if kind in _IMAGES and node.count_publishers(name)
-                 and not name.endswith(_DRAWN)]
+    listeners = [_Listener(node, name, kind) for name, kind in _image_topics(node)
+                 if node.count_publishers(name)]
     _spin(executor, seconds if listeners else 0.0)
     found = [listener.result() for listener in listeners]
     for listener in listeners:
         listener.destroy()
     return found
+
+
+def _image_topics(node: Node) -> list[tuple[str, str]]:
+    """Return name and type of every image topic, sorted by name."""
+    return [(name, kind) for name, kinds in sorted(node.get_topic_names_and_types())
+            for kind in kinds if kind in _IMAGES and not name.endswith(_DRAWN)]
+
+
+def _readers(node: Node, topic: str) -> tuple[str, ...]:
+    """Return the names of the nodes that have subscribed to a topic."""
+    return tuple(sorted({_name(one) for one in node.get_subscriptions_info_by_topic(topic)}))
 
 
 class _Listener:
@@ -86,7 +113,7 @@ class _Listener:
                              for one in offers)
         self._publishers = tuple(sorted({_name(one) for one in offers}))
         readers = node.get_subscriptions_info_by_topic(topic)
-        self._subscribers = tuple(sorted({_name(one) for one in readers}))
+        self._subscribers = _readers(node, topic)
         self._mismatches = tuple(sorted(
             f'{_name(reader)} receives nothing from {_name(offer)}: {reason}'
             for reader in readers for offer in offers
