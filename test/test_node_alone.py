@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
 from node_harness import Client, diagnosis, image_message, NodeProcess, overlap, Scene, STEP
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
@@ -66,6 +66,29 @@ def test_every_input_takes_what_its_publisher_offers():
         client.node.create_publisher(Image, '/tracker/init_roi', 1)
         diagnosis(client, '/tracker: images', lambda row, values: (
             '/tracker/init_roi' in values['QoS mismatches'] and row.level == b'\x02'))
+
+
+def test_a_calibration_that_was_published_before():
+    """A latched calibration is received by a node that starts later, and then a volatile one."""
+    message = CameraInfo(width=SCENE.width, height=SCENE.height)
+    message.k = [200.0, 0.0, 79.5, 0.0, 200.0, 59.5, 0.0, 0.0, 1.0]
+    with Client() as client:
+        latched = client.node.create_publisher(CameraInfo, '/camera_info', QoSProfile(
+            depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        latched.publish(message)
+        with NodeProcess(init_box=BOX) as process:
+            client.ready()
+            index = 0
+
+            def calibrated():
+                nonlocal index
+                index += 1
+                answer = client.send(SCENE.frame(index), 10**9 + STEP * index)
+                return client.state_after(answer)['pose_units'] == 'ray'
+            client.until(calibrated, 'no ray')
+            client.node.destroy_publisher(latched)
+            client.publisher('camera_info', CameraInfo).publish(CameraInfo())
+            process.wait_for_log('camera_info is not calibrated')
 
 
 def test_two_cameras_on_one_topic_are_told_once():

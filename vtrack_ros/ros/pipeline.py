@@ -73,7 +73,7 @@ class Pipeline:
         self._convert: Callable[[Any], Frame] = (
             compressed_to_frame if self._compressed else to_frame)
         self._camera_info = Input(
-            node, CameraInfo, 'camera_info', self._pose_publisher.on_camera_info)
+            node, CameraInfo, 'camera_info', self._pose_publisher.on_camera_info, latched=True)
         self._watch_inputs()
         node.on_change = self._on_parameters
 

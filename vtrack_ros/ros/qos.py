@@ -17,16 +17,20 @@ class Input:
 
     With `auto` it begins reliable, and changes to best effort as soon as a publisher appears that
     offers no more: a publisher that waits for its match before it sends loses nothing by that.
+    With `latched` it likewise changes to transient local, for a message that was sent before,
+    while every publisher offers that.
     The callback takes a message, or the message and its info, a dict of time stamps.
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, callback: Callable[..., None],
-                 reliability: str = 'auto') -> None:
+                 reliability: str = 'auto', latched: bool = False) -> None:
         self._node = node
         self._kind = kind
         self._topic = topic
         self._choice = reliability
         self._callback = callback
+        self._latched = latched
+        self._durability = DurabilityPolicy.VOLATILE
         self._policy = (ReliabilityPolicy.BEST_EFFORT if reliability == 'best_effort' else
                         ReliabilityPolicy.RELIABLE)
         self._subscription = self._subscribe()
@@ -56,13 +60,17 @@ class Input:
         return int(self._node.count_publishers(self.topic))
 
     def check(self) -> None:
-        """Check the publishers: adapt to their reliability, and log those that can't match."""
+        """Check the publishers: adapt to what they offer, and log those that can't match."""
         offers = self._node.get_publishers_info_by_topic(self.topic)
         fitting = [offer for offer in offers if offer.topic_type == self._type]
+        policy, durability = self._policy, self._durability
         if self._choice == 'auto' and fitting:
             weak = any(map(_best_effort, fitting))
-            self._change(
-                ReliabilityPolicy.BEST_EFFORT if weak else ReliabilityPolicy.RELIABLE)
+            policy = ReliabilityPolicy.BEST_EFFORT if weak else ReliabilityPolicy.RELIABLE
+        if self._latched and fitting:
+            kept = all(map(_transient_local, fitting))
+            durability = DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE
+        self._change(policy, durability)
         faults = {bytes(offer.endpoint_gid): fault
                   for offer in offers if (fault := self._fault(offer))}
         for publisher, fault in faults.items():
@@ -95,18 +103,19 @@ class Input:
                     'best_effort')
         return ''
 
-    def _change(self, policy: ReliabilityPolicy) -> None:
-        if policy != self._policy:
-            self._policy = policy
+    def _change(self, policy: ReliabilityPolicy, durability: DurabilityPolicy) -> None:
+        if (policy, durability) != (self._policy, self._durability):
+            self._policy, self._durability = policy, durability
             previous, self._subscription = self._subscription, self._subscribe()
             self._node.destroy_subscription(previous)
-            self._node.get_logger().info(f'{self.topic}: subscribed {self.reliability}')
+            kept = ', transient_local' * (durability == DurabilityPolicy.TRANSIENT_LOCAL)
+            self._node.get_logger().info(f'{self.topic}: subscribed {self.reliability}{kept}')
 
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(
             incompatible_qos=lambda _: self.check(), message_lost=self._on_lost)
         qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=self._policy,
-                         durability=DurabilityPolicy.VOLATILE)
+                         durability=self._durability)
         return self._node.create_subscription(
             self._kind, self._topic, cast(Any, self._callback), qos, event_callbacks=events)
 
@@ -116,6 +125,10 @@ class Input:
 
 def _best_effort(offer: Any) -> bool:
     return bool(offer.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT)
+
+
+def _transient_local(offer: Any) -> bool:
+    return bool(offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def image_topic(node: Node, transport: str) -> str:
