@@ -237,7 +237,7 @@ def test_calibrations(talk):
         units_become('ray')
         talk.publishers['camera_info'].publish(message)
         units_become('pixels')
-    talk.process.wait_for_log('not calibrated', since)
+    talk.process.wait_for_log('must be positive; the pose is in pixels', since)
     talk.process.wait_for_log('camera_info is not used: it is for 640 x 480', since)
 
 
@@ -268,7 +268,7 @@ def write_page(path):
             rows.append((f'{topic}: {name}', line(
                 send_other(client, topic, message, words), words)))
         rows += [(f'camera_info: {name}',
-                  f'{reason(camera_from_info, message)}; the pose stays in pixels')
+                  f'{reason(camera_from_info, message)}; the pose is in pixels')
                  for name, message, _ in CALIBRATIONS]
         words = 'is for 640 x 480'
         rows.append(('camera_info: for another image size', line(send_other(

@@ -80,7 +80,7 @@ class PosePublisher:
             self._camera = None
             pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
             self._log.warning(
-                f"{error}; {'the pose stays in pixels' if pixels else 'there is no pose'}",
+                f"{error}; {'the pose is in pixels' if pixels else 'there is no pose'}",
                 throttle_duration_sec=THROTTLE)
 
     def _published_at(self, header: Any) -> tuple[Any, float]:
