@@ -88,3 +88,9 @@ def test_transition_that_is_not_possible_is_answered():
         state = client.ask('~/get_state', GetState).current_state
         assert state.id == State.PRIMARY_STATE_UNCONFIGURED
         assert change(client, Transition.TRANSITION_CONFIGURE) == State.PRIMARY_STATE_INACTIVE
+        assert change(client, Transition.TRANSITION_INACTIVE_SHUTDOWN) == (
+            State.PRIMARY_STATE_FINALIZED)
+        answer = client.ask('~/change_state', ChangeState,
+                            transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+        assert not answer.success
+        process.wait_for_log('is not possible while finalized; no transition is')
