@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, Image
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 SCENE = Scene()
 BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
@@ -286,6 +286,24 @@ def test_subscriber_that_cannot_match_is_told(client, process):
     client.node.destroy_subscription(subscription)
     diagnosis(client, '/tracker: images', lambda row, values:
               values['QoS mismatches'] == 'none' and row.level != b'\x02')
+
+
+def test_a_new_stream_during_a_pause(client, process):
+    """While paused, stamps that go back end the tracking too, and the log says so at once."""
+    for index in (0, 1, 2, 300):
+        send(client, index)
+    assert client.ask('~/enable', SetBool, data=False).success
+    since, index = len(process.log), 150
+
+    def told():
+        nonlocal index
+        index += 1
+        client.send(SCENE.frame(index), client.start + STEP * index, answered=False)
+        client.executor.spin_once(timeout_sec=0.1)
+        return 'the clock was set back; the target is forgotten' in process.log[since:]
+    client.until(told, 'nothing was said')
+    assert client.ask('~/enable', SetBool, data=True).success
+    client.until(lambda: client.heard['~/state'][-1].message == 'waiting', 'a target is kept')
 
 
 def test_reset_is_in_the_state(client):
