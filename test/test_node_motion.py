@@ -151,6 +151,36 @@ def test_a_bag_sets_the_clock_before_each_image(repository):
         assert client.heard['pose'] and 'predict_to_now' not in process.log
 
 
+def test_images_without_stamps_give_no_velocity():
+    """Their pose comes without a twist; there is one with the first image that has a stamp."""
+    with NodeProcess('-r', '__ns:=/unstamped', init_box=BOX), (
+            Client('/unstamped/tracker')) as client:
+        twists = client.hear('twist', TwistWithCovarianceStamped)
+        client.ready()
+        for index in range(6):
+            client.send(SCENE.frame(index), STEP if index == 5 else 0)
+        client.until(lambda: twists and len(client.heard['pose']) == 6, 'no twist, or no pose')
+        assert [stamp(twist) for twist in twists] == [STEP]
+
+
+def test_a_pose_without_a_velocity_is_not_predicted(client):
+    """With predict_to_now, of two images with one stamp the second has that as its pose's, too."""
+    assert client.change(predict_to_now=True)[0].successful
+    clock, message = client.publisher('/clock', Clock), Clock()
+    now = client.start + STEP
+    message.clock.sec, message.clock.nanosec = divmod(now, 10**9)
+
+    def told():
+        clock.publish(message)
+        return any(stamp(one) == now for one in client.heard['/diagnostics'])
+    client.until(told, 'no time')
+    for _ in range(2):
+        client.send(SCENE.frame(0), client.start)
+    client.until(lambda: len(client.heard['pose']) == 2, 'no pose')
+    assert [stamp(pose) for pose in client.heard['pose']] == [now, client.start]
+    assert client.change(predict_to_now=False)[0].successful
+
+
 def test_metres_per_second(client):
     """With calibration and width twists are in m/s: 0.24 m are 24 px at fx = 200 px and 2 m."""
     message = CameraInfo(width=SCENE.width, height=SCENE.height, distortion_model='plumb_bob')

@@ -134,8 +134,11 @@ def test_long_pause_says_nothing():
 
 
 def test_images_without_stamps_have_no_velocity():
-    """If all stamps are 0 the velocity stays 0, for the time that passed is unknown."""
-    assert not moving(follow(straight(10), np.zeros(10))).velocity.any()
+    """If a stamp is 0, or that of the image before, there is no motion: no time is known."""
+    assert follow(straight(1), np.zeros(1)).motion() is None
+    assert follow(straight(10), np.zeros(10)).motion() is None
+    assert follow(straight(10), np.full(10, STEP)).motion() is None
+    assert follow(straight(3), [0, 0, STEP]).motion() is not None
 
 
 def test_forecast():

@@ -21,7 +21,7 @@ class Step:
     """
     The result of one frame: the estimate after it, and the tracker's computing time [ms].
 
-    `estimate` is None while there is no target, `motion` is None while it isn't measured;
+    `estimate` is None while there is no target, `motion` is None while it isn't known;
     `started` says whether tracking started on this frame.
     """
 

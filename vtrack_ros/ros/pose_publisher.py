@@ -48,8 +48,10 @@ class PosePublisher:
 
     def publish(self, header: Any, frame: Frame, estimate: Estimate) -> None:
         """Publish the target measured in a frame with this header, or its prediction for now."""
-        header, age = self._published_at(header)
+        ahead, age = self._published_at(header)
         motion = self._node.session.motion(age) if age else None
+        if motion is not None:
+            header = ahead
         located = partial(self._located, self._camera_of(frame))
         position = (located(estimate.upright, estimate.covariance) if motion is None else
                     located(motion.box, motion.covariance[:4, :4]))

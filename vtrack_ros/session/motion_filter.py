@@ -75,7 +75,7 @@ class MotionFilter:
         self._pending: deque[tuple[Estimate, int]] = deque(maxlen=_BACKLOG)
         self._beliefs: Gaussian | None = None
         self._weights = np.full(len(_DENSITIES), 1 / len(_DENSITIES))
-        self._measured = self._coasted = False
+        self._measured = self._timed = self._coasted = False
         self._side, self._stamp = 1.0, 0
 
     def add(self, estimate: Estimate, stamp: int) -> None:
@@ -84,13 +84,15 @@ class MotionFilter:
 
     def motion(self, age: float = 0.0) -> Motion | None:
         """
-        Return the motion `age` seconds after the latest frame; None if that has no measurement.
+        Return the motion `age` seconds after the latest frame.
+
+        None if that has no measurement, or if its stamp is 0 or that of the one measured before.
 
         The measured box, with the tracker's covariance, is extrapolated with the velocity.
         """
         while self._pending:
             self._update(*self._pending.popleft())
-        if self._beliefs is None or not self._measured:
+        if self._beliefs is None or not (self._measured and self._timed):
             return None
         mean, covariance = self._beliefs.mean.copy(), self._beliefs.covariance.copy()
         mean[:, :4], covariance[:, :4, :4] = self._place, self._error
@@ -116,6 +118,8 @@ class MotionFilter:
         error, self._known = _error(estimate, _units(side, box))
         least = _LEAST_JITTER**2 * np.eye(4)
         before, dt = self._side, (stamp - self._stamp) / 1e9
+        # at first 0, the stamp of images without one
+        self._timed = stamp != self._stamp
         self._side, self._stamp, self._error = side, stamp, error + least
         self._place = np.array([*np.divide(box.center, side),
                                 *np.log([box.width, box.height]) / _SIZE_SHARE])

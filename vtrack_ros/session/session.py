@@ -80,7 +80,7 @@ class TrackingSession:
         return self._interval.interval
 
     def motion(self, age: float = 0.0) -> Motion | None:
-        """Return the target's motion `age` seconds after the latest frame; None if unmeasured."""
+        """Return the target's motion `age` seconds after the latest frame; None if unknown."""
         return self._motion.motion(age)
 
     def start(self, frame: Frame, stamp: int, box: Box) -> Estimate:
