@@ -202,6 +202,38 @@ def test_late_image(face):
     assert all(step.estimate is not None for step in steps)
 
 
+@pytest.mark.parametrize('set_back', [0, 500 * 10**9])
+def test_pauses_of_more_than_a_minute(face, set_back):
+    """Every image after a pause is answered, as by the node; the recorder's clock may be wrong."""
+    images, truth = face
+    pauses = [0, 0, 0, 0, 90, 90, 160, 230, 300, 370]
+    slow = [changed(image, stamp=image.stamp + pause * 10**9,
+                    received=image.received + pause * 10**9 - (set_back if index > 1 else 0))
+            for index, (image, pause) in enumerate(zip(images, pauses))]
+    steps = list(replay(slow, TrackingSession('pf'), truth))
+    assert [step.image.stamp for step in steps] == [image.stamp for image in slow]
+
+
+def test_late_images_are_told(tmp_path, face, capsys):
+    """Images that come late, or are stamped far ahead, are counted, and said to be left out."""
+    images, truth = face
+    stamps = [image.stamp for image in images[:10]]
+    stamps[3], stamps[4] = stamps[4], stamps[3]
+    stamps[7] += 70 * 10**9
+    with BagWriter(tmp_path / 'bag') as writer:
+        for image, stamp in zip(images, stamps):
+            writer.write('/image', messages.image(image.frame, stamp, 'eye'), image.stamp)
+            writer.write_truth(truth[image.stamp], stamp)
+    command = ['replay', str(tmp_path / 'bag'), '--tracker', 'pf', '--out', str(tmp_path / 'out')]
+    assert main([*command, '--json', '--no-video']) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)['frames_late'] == 2
+    assert json.loads(printed.out)['frames'] == len(rows_of(tmp_path / 'out')) == 8
+    assert 'late images skipped: 2' in printed.err and str(stamps[4]) in printed.err
+    assert main(command) == 0
+    assert 'late                       2' in capsys.readouterr().out
+
+
 def test_size_that_changes(face):
     """After a change of the image size there is no estimate, and the replay goes on."""
     images, truth = face

@@ -33,7 +33,8 @@ class Step:
 
 
 def replay(images: Iterable[StampedFrame], session: TrackingSession,
-           truth: Mapping[int, Box | None], box: Box | None = None) -> Iterator[Step]:
+           truth: Mapping[int, Box | None], box: Box | None = None,
+           late: list[int] | None = None) -> Iterator[Step]:
     """
     Track a target through images, as a node that drops no frames but late ones.
 
@@ -41,12 +42,22 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
     the target is absent. The tracker starts on `box` in the first image, and again where stamps go
     backwards because a stream begins again; by default it starts on the first true box.
     BagError if there's neither, or the tracker can't start on the box.
+
+    An image is late, as in the node, if a later one came before it, or if its stamp is a minute
+    further on than its recording. It's left out, and its stamp is appended to `late`.
     """
     flow = FrameFlow()
     waiting = True
+    now = 0
+    before: int | None = None
     for image in images:
-        arrival = flow.arrived(image.stamp, 0)
+        # the recorder's clock may be set back, but the flow's never is
+        now += 0 if before is None else max(0, image.received - before)
+        before = image.received
+        arrival = flow.arrived(image.stamp, now)
         if arrival is Arrival.LATE:
+            if late is not None:
+                late.append(image.stamp)
             continue
         if arrival is not Arrival.NEXT:
             session.forget()

@@ -70,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
     malformed: list[str] = []
+    late: list[int] = []
     with ExitStack() as stack:
         bag = stack.enter_context(BagReader(arguments.bag))
         warn('vtrack replay', bag.notice)
@@ -77,7 +78,8 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
         if arguments.init is None and not any(truth.values()):
             raise ValueError(f'{arguments.bag} has no ground-truth box: '
                              'give the target with --init X,Y,WIDTH,HEIGHT')
-        steps = replay(bag.frames(topic.name, malformed), session, truth, arguments.init)
+        steps = replay(bag.frames(topic.name, malformed), session, truth, arguments.init,
+                       late)
         results = film = None
         if arguments.out is not None:
             results = stack.enter_context(ResultFolder(arguments.out, arguments.bag))
@@ -96,8 +98,12 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
             raise ValueError(f'none of the images can be read: {malformed[0]}')
     for text in malformed[:5]:
         print(f'vtrack replay: skipped {text}', file=sys.stderr)
+    if late:
+        print(f'vtrack replay: late images skipped: {len(late)} (stamped before, or far after, '
+              f'the previous one); the first is stamped {late[0]} ns', file=sys.stderr)
     figures = score.figures()
     figures['frames_malformed'] = len(malformed)
+    figures['frames_late'] = len(late)
     figures['fps'] = 1e3 / figures['ms_per_frame'] if figures['ms_per_frame'] else None
     print(json.dumps(figures) if arguments.json else figures_table(figures))
     return 0

@@ -13,9 +13,11 @@ from vtrack_ros.geometry import Box
 Figures = dict[str, float | None]
 
 _NO_TRUTH = ('mean_iou', 'centre_error_px', 'wrong_tracking')
+_ONLY_IF_ANY = ('frames_malformed', 'frames_late')
 _TITLES = {
     'frames': ('frames', 'd'), 'frames_sent': ('frames sent', 'd'),
     'frames_received': ('frames received', 'd'), 'frames_malformed': ('malformed', 'd'),
+    'frames_late': ('late', 'd'),
     'frames_tracked': ('frames tracked', 'd'), 'frames_dropped': ('frames dropped', 'd'),
     'mean_iou': ('mean IoU', '.3f'), 'centre_error_px': ('mean centre error', '.2f| px'),
     'wrong_tracking': ('wrongly tracking', '.3f'), 'ms_per_frame': ('ms per frame', '.3f'),
@@ -99,7 +101,7 @@ def figures_table(figures: Figures) -> str:
             text = 'no truth' if key in _NO_TRUTH else '-'
         else:
             text = format(value, number) + unit
-        if key != 'frames_malformed' or value:
+        if key not in _ONLY_IF_ANY or value:
             lines.append(f'{title:<18}{text:>10}')
     return '\n'.join(lines)
 
