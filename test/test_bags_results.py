@@ -60,6 +60,20 @@ def test_what_is_not_ours_is_kept(bag, tmp_path, make, capsys):
         assert contents(out) == before
 
 
+@pytest.mark.parametrize('options', [[], ['--no-video']])
+@pytest.mark.parametrize('name', ['video.mp4', 'contact_sheet.png'])
+def test_pictures_beside_results_are_kept(bag, tmp_path, name, options, capsys):
+    """A picture or video that was put beside a replay's results, or in their place, is kept."""
+    out = tmp_path / 'out'
+    assert replay(bag, out, *options) == 0
+    (out / name).write_bytes(b'my holiday')
+    before = contents(out)
+    for again in ([], ['--no-video']):
+        assert replay(bag, out, *again) == 2
+        assert f"{name} exists already and isn't the result" in capsys.readouterr().err
+        assert contents(out) == before
+
+
 def test_other_bags_and_notes_are_kept(bag, tmp_path, capsys):
     """A result bag with a file added, or a bag of images in its place, isn't ours, and is kept."""
     out = tmp_path / 'out'

@@ -150,6 +150,13 @@ class BagReader:
         # The end_time of rosbags is a nanosecond after the last message.
         return max(0, max(reader.end_time for reader in self._readers) - 1 - first) / 1e9
 
+    @property
+    def notes(self) -> dict[str, str]:
+        """Return the custom data of the bag's metadata.yaml; empty where there is none."""
+        reader = self._readers[0]
+        custom = None if isinstance(reader, Ros1Reader) else reader.storage.metadata.custom
+        return custom if isinstance(custom, dict) else {}
+
     def image_topic(self, name: str | None = None) -> Topic:
         """Return the topic of that name, or the only image topic there is; BagError for none."""
         images = [topic for topic in self.topics.values()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 import csv
+import hashlib
 import math
 import os
 from pathlib import Path
@@ -31,6 +33,7 @@ class ResultFolder:
     They replace earlier results when they're complete: an error or an interruption before leaves
     the folder as it was.
 
+    The bag's notes have digests of the pictures, by which these are known as a replay's results.
     The folder is created if it's missing; `source` is the bag that is read, which the results must
     not replace. Until it's complete everything is written in the temporary folder `place`, where
     the pictures have to be written as well. BagError if the folder can't be written, or has files
@@ -59,6 +62,7 @@ class ResultFolder:
             file = stack.enter_context((self.place / _TABLE).open('w', newline=''))
             self._table = csv.writer(file, lineterminator='\n')
             self._table.writerow(_COLUMNS)
+            stack.push(self._note_pictures)
             self._stack = stack.pop_all()
         return self
 
@@ -96,12 +100,18 @@ class ResultFolder:
         if self._path.exists() and not self._path.is_dir():
             raise BagError(f"can't write results into {self._path}: it's a file, not a folder")
         present = [self._path / name for name in _FILES if os.path.lexists(self._path / name)]
-        ours = {bag: _is_result_bag, table: _is_result_table}
-        known = [path for path in present if path in ours and ours[path](path)]
-        foreign = [path for path in present if path not in known and (path in ours or not known)]
+        notes = _result_notes(bag)
+        ours = {bag: notes is not None, table: _is_result_table(table)}
+        foreign = [path for path in present if not (
+            ours[path] if path in ours else _is_noted(path, notes or {}))]
         if foreign:
             raise BagError(f"{foreign[0]} exists already and isn't the result of a replay: give "
                            'another folder, or remove it first')
+
+    def _note_pictures(self, kind: type[BaseException] | None, *_: object) -> None:
+        for name in (VIDEO_FILE, SHEET_FILE):
+            if kind is None and (self.place / name).exists():
+                self._bag.note(name, _digest(self.place / name))
 
     def _finish(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
@@ -127,12 +137,26 @@ def _is_result_table(path: Path) -> bool:
         return False
 
 
-def _is_result_bag(path: Path) -> bool:
+def _result_notes(path: Path) -> dict[str, str] | None:
+    """Return the notes of a result bag; None for anything else."""
     if not path.is_dir() or {file.name for file in path.iterdir()} != {
             'metadata.yaml', f'{_BAG}.mcap'}:
-        return False
+        return None
     try:
         with BagReader(path) as bag:
-            return {_DETECTIONS} <= set(bag.topics) <= {_DETECTIONS, _POSE, _TWIST}
+            ours = {_DETECTIONS} <= set(bag.topics) <= {_DETECTIONS, _POSE, _TWIST}
+            return bag.notes if ours else None
     except BagError:
+        return None
+
+
+def _is_noted(picture: Path, notes: Mapping[str, str]) -> bool:
+    try:
+        return picture.name in notes and _digest(picture) == notes[picture.name]
+    except OSError:
         return False
+
+
+def _digest(path: Path) -> str:
+    with path.open('rb') as file:
+        return hashlib.file_digest(file, 'sha256').hexdigest()

@@ -84,6 +84,10 @@ class BagWriter:
         finally:
             shutil.rmtree(self._scratch, ignore_errors=True)
 
+    def note(self, name: str, text: str) -> None:
+        """Add an entry to the custom data in the bag's metadata.yaml."""
+        self._writer.set_custom_data(name, text)
+
     def write(self, topic: str, message: Any, stamp: int) -> None:
         """Write a message made by `bags.messages` as received at `stamp` in nanoseconds."""
         name = message.__msgtype__
