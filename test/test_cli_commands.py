@@ -131,6 +131,23 @@ def test_wrong_arguments(arguments, words, tmp_path, monkeypatch, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize('command', [['select'], ['layout', 'rviz']])
+@pytest.mark.parametrize('name', [
+    '', '/', '/arm/', '//tracker', 'arm//tracker', '2nd', '/arm/2nd', '/träcker', 'tracker٣',
+    'my tracker', 'tracker\n', 'a' * 60 + '!', '/a' * 60 + '/', '/' + 'a' * 221])
+def test_names_that_no_node_has(command, name, capsys):
+    """They are refused at once, in one line, however long they are."""
+    assert f'the name of a node, such as /tracker, not {name!r}' in complaint(
+        [*command, name], capsys)
+
+
+def test_the_longest_name_of_a_node(capsys):
+    """A name is accepted up to the length at which ROS can start a node."""
+    name = '/arm/' + 'a' * 216
+    assert main(['layout', 'rviz', name]) == 0
+    assert f'{name}/debug_image' in capsys.readouterr().out
+
+
 def test_wrong_bags(tmp_path, repository: Path, capsys):
     """A bag with two image topics asks for --topic, one without truth for --init."""
     picture = np.zeros((20, 30, 3), np.uint8)

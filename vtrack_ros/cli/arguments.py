@@ -9,6 +9,8 @@ from typing import TypeVar
 from vtrack_ros.geometry import Box
 
 Number = TypeVar('Number', int, float)
+#: With a longer one, the names of a node's own services would be too long for ROS.
+_LONGEST_NODE_NAME = 221
 
 
 def _number(kind: Callable[[str], Number], low: float, high: float,
@@ -55,6 +57,7 @@ def box(text: str) -> Box:
 
 def node_name(text: str) -> str:
     """Read the name of a node, and return it with its namespace."""
-    if not re.fullmatch(r'(/?[A-Za-z_]\w*)+', text):
+    name = text if text.startswith('/') else f'/{text}'
+    if len(name) > _LONGEST_NODE_NAME or not re.fullmatch(r'(/[A-Za-z_][A-Za-z0-9_]*)+', name):
         raise ArgumentTypeError(f'must be the name of a node, such as /tracker, not {text!r}')
-    return text if text.startswith('/') else f'/{text}'
+    return name
