@@ -302,15 +302,18 @@ def test_profile_is_found_and_not_forced_on_anybody():
 
 
 @pytest.mark.parametrize('program', ['rviz', 'foxglove'])
-def test_layouts_of_a_namespace(repository, capsys, program):
+@pytest.mark.parametrize('namespace, node', [
+    ('/arm', 'left'), ('/tracker', 'tracker'), ('/tracker/pose', 'detections')])
+def test_layouts_of_a_namespace(repository, capsys, program, namespace, node):
     """All topics but /diagnostics are in the given namespace; without one, the file is printed."""
-    assert main(['layout', program, 'arm/left']) == 0
+    assert main(['layout', program, f'{namespace[1:]}/{node}']) == 0
     printed = capsys.readouterr().out
     layout = json.loads(printed) if program == 'foxglove' else yaml.safe_load(printed)
     text = json.dumps(layout)
-    wanted = {'rviz': {'/arm/left/debug_image', '/arm/pose_with_covariance'},
-              'foxglove': {'/arm/left/debug_image', '/arm/left/state', '/arm/pose',
-                           '/arm/detections', '/diagnostics'}}
+    own = f'{namespace}/{node}'
+    wanted = {'rviz': {f'{own}/debug_image', f'{namespace}/pose_with_covariance'},
+              'foxglove': {f'{own}/debug_image', f'{own}/state', f'{namespace}/pose',
+                           f'{namespace}/detections', '/diagnostics'}}
     assert set(re.findall(r'"(/[a-z_/]+)', text)) == wanted[program]
     assert main(['layout', program]) == 0
     name = {'rviz': 'vtrack.rviz', 'foxglove': 'vtrack.foxglove.json'}[program]

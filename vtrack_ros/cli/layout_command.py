@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the layout; return 0."""
     text = profile_path().with_name(_FILES[arguments.program]).read_text(encoding='utf-8')
-    namespace = arguments.node.rpartition('/')[0]
+    names = {'/tracker/': f'{arguments.node}/', '/': f"{arguments.node.rpartition('/')[0]}/"}
     # /diagnostics is shared by all nodes, and keeps its name.
-    text = re.sub(r'(?<=[ "])/(?=pose|detections)', f'{namespace}/', text)
-    print(text.replace('/tracker/', f'{arguments.node}/'), end='')
+    print(re.sub(r'(?<=[ "])/(tracker/|(?=pose|detections))', lambda found: names[found[0]], text),
+          end='')
     return 0
