@@ -24,7 +24,8 @@ def test_what_is_no_number(value):
 
 
 @pytest.mark.parametrize('size, words', [
-    (0, 'positive'), (-1, 'positive'), (np.nan, 'finite'), (np.inf, 'finite')])
+    (0, 'positive'), (-1, 'positive'), (np.nan, 'finite'), (np.inf, 'finite'),
+    pytest.param(10**400, 'finite', id='larger than any float')])
 def test_what_is_no_size(size, words):
     """A size that isn't positive and finite is refused."""
     with pytest.raises(ValueError, match=words):

@@ -193,6 +193,28 @@ def test_a_rotation_that_is_none_is_refused(target, angle):
         SavedTarget.parsed(json.dumps({**rows, 'angle': angle}))
 
 
+@pytest.mark.parametrize('make', [
+    lambda huge: {'time': huge}, lambda huge: {'stamp': -huge}, lambda huge: {'interval': huge},
+    lambda huge: {'angle': huge}, lambda huge: {'shape': [huge, 320, 3]},
+    lambda huge: {'region': [0, 0, huge, 5]},
+    lambda huge: {'box': {'x': -huge, 'y': 0, 'width': huge, 'height': 9}},
+    lambda huge: {'first_box': {'x': 0, 'y': 0, 'width': huge, 'height': huge}}])
+def test_huge_numbers_are_refused(target, make):
+    """Numbers beyond 64 bits or beyond floats, and boxes beyond any image, raise a ValueError."""
+    for huge in (2**63 + 1, 10**400):
+        with pytest.raises(ValueError):
+            SavedTarget.parsed(json.dumps({**json.loads(target.text()), **make(huge)}))
+
+
+def test_a_target_that_cannot_be_taken_up_is_none(target):
+    """A rotated box whose bound is outside the image raises a ValueError, and isn't tracked."""
+    data = replace(target, box=Box(100, 100, 1000, 20), angle=1.0)
+    session = TrackingSession('gmpf', seed=1)
+    with pytest.raises(ValueError, match='no pixel inside'):
+        session.take_up(data.measurement(), data.interval, data.exemplar())
+    assert session.estimate is None and session.last_measurement is None
+
+
 def test_every_cut_is_noticed(target):
     """Truncated or empty text, and pictures that can't be decoded, raise a ValueError."""
     text = target.text()

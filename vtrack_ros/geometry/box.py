@@ -36,6 +36,9 @@ class Box:
                 if not hasattr(value, '__float__'):
                     raise TypeError
                 number = float(value)
+            except OverflowError:
+                raise ValueError(
+                    f'box {name} must be finite, but is larger than any float') from None
             except (TypeError, ValueError):
                 raise TypeError(
                     f'box {name} must be a number of pixels, not {value!r}') from None

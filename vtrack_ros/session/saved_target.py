@@ -24,6 +24,8 @@ from vtrack_ros.session.session import TrackingSession
 MARK = '{"format": "vtrack_ros target 1"'
 #: Shortest side of the target's box in its first picture, which may be scaled down, in pixels.
 _SHORTEST_SIDE = 1e-3
+#: Longest side of a target's box, in pixels: no image's side is longer.
+_LONGEST_BOX_SIDE = 1e6
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class SavedTarget:
             angle = float(rows.get('angle', 0.0))
             picture, first_picture = (base64.b64decode(rows[name], validate=True)
                                       for name in ('picture', 'first_picture'))
-        except (AttributeError, binascii.Error, KeyError, RecursionError, TypeError,
+        except (AttributeError, binascii.Error, KeyError, OverflowError, RecursionError, TypeError,
                 ValueError) as error:
             raise ValueError(f'{type(error).__name__}: {error}') from None
         if len(shape) not in (2, 3) or shape[2:] not in ((), (3,)) or min(shape) < 1:
@@ -103,6 +105,9 @@ class SavedTarget:
             raise ValueError('its picture is not inside the image')
         if box.clipped(shape[1], shape[0]) is None:
             raise ValueError('its box is not inside the image')
+        if max(box.width, box.height, first_box.width, first_box.height) > _LONGEST_BOX_SIDE:
+            raise ValueError(f'a box with a side of more than {_LONGEST_BOX_SIDE:.0f} px is '
+                             'impossible')
         if not abs(angle) <= math.tau:
             raise ValueError(f'a rotation of {angle} rad is impossible')
         return cls(node, tracker, (class_id, target_id), time, stamp, interval, frame_id, shape,
@@ -179,4 +184,6 @@ def _encoded(picture: Frame) -> bytes:
 def _integer(value: Any) -> int:
     if type(value) is not int:
         raise TypeError(f'{value!r} is not an integer')
+    if not -2 ** 63 <= value < 2 ** 63:
+        raise ValueError('an integer is longer than 64 bits')
     return value

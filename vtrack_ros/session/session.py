@@ -111,9 +111,14 @@ class TrackingSession:
         """
         Continue with the target of another session, from its last measurement.
 
-        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`.
+        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`, and
+        then there is no target.
         """
-        self._show(self._create(self._name), seen, exemplar)
+        try:
+            self._show(self._create(self._name), seen, exemplar)
+        except ValueError:
+            self.forget()
+            raise
         self._exemplar = exemplar
         if interval > 0:
             self._interval.add(interval)
