@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 import enum
-import math
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,6 +10,10 @@ import numpy as np
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import ParameterTable, Value
+
+#: Bounds of the time between two frames, in frame intervals: beyond them numbers under- or
+#: overflow in the filters.
+SHORTEST_DT, LONGEST_DT = 1e-9, 1e9
 
 
 class TrackState(enum.Enum):
@@ -155,14 +158,15 @@ class Tracker(ABC):
             The image.
         dt : float, [frames]
             The time since the last frame, in frame intervals of at most 40 ms: 1, unless frames
-            were dropped, or there are fewer than 25 in a second (2.5 with ten in a second).
+            were dropped, or there are fewer than 25 in a second (2.5 with ten in a second). From
+            1e-9 to 1e9; a `TrackingSession` gives 1 to 30.
 
         Raises
         ------
         RuntimeError
             If the tracker was never started.
         TypeError, ValueError
-            If the frame's type or shape is wrong, or dt isn't positive; the tracker is as it was.
+            If the frame's type or shape is wrong, or dt is out of range; the tracker is as it was.
 
         """
         if self._frame_shape is None:
@@ -172,8 +176,9 @@ class Tracker(ABC):
             raise ValueError(
                 f'frame shape changed from {self._frame_shape} to {frame.shape}: '
                 'call start again with a box in the new frame')
-        if not (math.isfinite(dt) and dt > 0):
-            raise ValueError(f'dt must be a positive number of frame intervals, not {dt!r}')
+        if not SHORTEST_DT <= dt <= LONGEST_DT:
+            raise ValueError(f'dt must be a number of frame intervals from {SHORTEST_DT:g} to '
+                             f'{LONGEST_DT:g}, not {dt!r}')
         return self._update(frame, float(dt))
 
     def _prepare(self, values: dict[str, Value]) -> None:
