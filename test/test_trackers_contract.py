@@ -77,6 +77,26 @@ def test_the_same_seed_gives_the_same_bits(name):
     np.testing.assert_array_equal(*outputs)
 
 
+@pytest.mark.parametrize('columns', [200, SIZE[0]])
+@pytest.mark.parametrize('colour', [True, False], ids=['colour', 'grey'])
+@pytest.mark.parametrize('name', [*NAMES, 'pqkpf_paper'])
+def test_frames_may_share_one_array(name, colour, columns):
+    """Frames that are written into the same array one after the other give the same output."""
+    path = straight(12, (3.0, 1.0))
+    frames = [frame[:, :columns] for frame in DrawnVideo(colour).frames(path)]
+    shared = np.empty(frames[0].shape, np.uint8)
+    outputs = []
+    for reused in (False, True):
+        tracker = create_tracker(name, seed=1)
+        for index, frame in enumerate(frames):
+            shared[...] = frame
+            given = shared if reused else frame.copy()
+            estimate = (tracker.update(given) if index else
+                        tracker.start(given, box_at(path[0])))
+            outputs.append((estimate.box, estimate.confidence))
+    assert outputs[:len(frames)] == outputs[len(frames):]
+
+
 @ALL
 def test_wrong_calls_are_refused_and_do_no_harm(name):
     """Each wrong call says what was wrong, and the tracker goes on as if it hadn't been made."""

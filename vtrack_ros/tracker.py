@@ -155,7 +155,7 @@ class Tracker(ABC):
         Parameters
         ----------
         frame : ndarray of uint8
-            The image.
+            The image; the next one may be written into the same array.
         dt : float, [frames]
             The time since the last frame, in frame intervals of at most 40 ms: 1, unless frames
             were dropped, or there are fewer than 25 in a second (2.5 with ten in a second). From

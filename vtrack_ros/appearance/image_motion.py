@@ -69,10 +69,10 @@ class SparsePicture:
 
     @classmethod
     def of(cls, frame: Frame) -> SparsePicture:
-        """Subsample a frame; of a colour frame only the green channel."""
+        """Subsample a frame into an array of its own; of a colour frame only the green channel."""
         stride = max(1, frame.shape[1] // _COLUMNS)
         pixels = frame[::stride, ::stride]
-        return cls(np.ascontiguousarray(pixels[:, :, 1] if pixels.ndim == 3 else pixels), stride)
+        return cls(np.array(pixels[:, :, 1] if pixels.ndim == 3 else pixels, order='C'), stride)
 
     def camera_step(self, later: SparsePicture) -> Point | None:
         """Return the background's step, [px], by phase correlation [Kuglin and Hines 1975]."""

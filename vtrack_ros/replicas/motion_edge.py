@@ -41,7 +41,8 @@ class MotionEdge:
 
     def advance(self, frame: Frame, region: tuple[int, int, int, int]) -> None:
         """Take the next frame, of which a region (left, top, right, bottom) is searched."""
-        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame
+        # always a copy: the caller may write the next frame into the same array
+        grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY) if frame.ndim == 3 else frame.copy()
         self._codes = None
         if self._previous is not None:
             self._codes = self._edges(self._previous, grey, region)
