@@ -7,6 +7,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagError, BagReader, SequenceError  # noqa: E402
 from vtrack_ros.bags.importing import FIRST_STAMP, open_source, record  # noqa: E402
+from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.evaluation.sequences import read_folder  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
 
@@ -71,9 +72,8 @@ def test_truth_can_be_chosen(tmp_path):
     assert open_source(root, without_truth=True).truth is None
 
 
-def test_video(tmp_path):
-    """All frames come through, nearly unchanged, at the video's rate; the truth must fit them."""
-    path = tmp_path / 'film.avi'
+def write_film(path):
+    """Write an AVI of grey frames at 12.5 Hz; return its path and their shades."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'MJPG'), 12.5, (64, 48))
     if not writer.isOpened():
         pytest.skip('this OpenCV writes no AVI')
@@ -81,6 +81,12 @@ def test_video(tmp_path):
     for shade in shades:
         writer.write(np.full((48, 64, 3), shade, np.uint8))
     writer.release()
+    return path, shades
+
+
+def test_video(tmp_path):
+    """All frames come through, nearly unchanged, at the video's rate; the truth must fit them."""
+    path, shades = write_film(tmp_path / 'film.avi')
     source = open_source(path)
     assert source.rate == 12.5
     means = [frame.mean() for frame, truth in source.frames() if truth is None]
@@ -92,6 +98,25 @@ def test_video(tmp_path):
         boxes.write_text('1,2,3,4\n' * rows)
         with pytest.raises(BagError, match=words):
             list(open_source(path, boxes).frames())
+
+
+def test_a_truncated_video_is_told(tmp_path, capsys):
+    """What can be read is imported, with a warning that names the numbers; without loss none."""
+    path, _ = write_film(tmp_path / 'film.avi')
+    assert open_source(path).announced == COUNT
+    assert main(['import', str(path), '--out', str(tmp_path / 'whole')]) == 0
+    assert 'warning' not in capsys.readouterr().err
+    data = path.read_bytes()
+    place = 0
+    for _ in range(7):
+        place = data.index(b'00dc', place + 1)
+    path.write_bytes(data[:place + 50])
+    assert main(['import', str(path), '--out', str(tmp_path / 'bag')]) == 0
+    with BagReader(tmp_path / 'bag') as bag:
+        count = len(list(bag.frames()))
+    assert 0 < count < COUNT
+    assert (f'vtrack import: warning: {path} has {COUNT} frames by its header, but only {count} '
+            'could be read') in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('truth, words', [

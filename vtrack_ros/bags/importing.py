@@ -29,13 +29,15 @@ class Source:
     A source of frames: image files or, if `images` is empty, a video at `path`.
 
     `truth` has the box of each frame, None where the target is absent; it's None as a whole where
-    no truth is known. `rate` is the video's, in Hz, None where it's unknown.
+    no truth is known. `rate` is the video's, in Hz, `announced` the number of frames that its
+    header gives, an estimate in some formats; None where they're unknown.
     """
 
     path: Path
     images: tuple[Path, ...]
     truth: tuple[Truth, ...] | None
     rate: float | None = None
+    announced: int | None = None
 
     @property
     def count(self) -> int | None:
@@ -68,20 +70,20 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     if truth is not None and not truth.is_file():
         raise BagError(f'{truth} is not a file')
     images: tuple[Path, ...] = ()
-    rate = None
+    rate = announced = None
     if path.is_dir():
         images = image_files(path)
         places = (path / f'{GROUND_TRUTH}.txt', path.parent / f'{GROUND_TRUTH}.txt')
         truth = truth or next((place for place in places if place.is_file()), None)
     else:
-        rate = _video_rate(path)
+        rate, announced = _video_header(path)
     if truth is None or without_truth:
-        return Source(path, images, None, rate)
+        return Source(path, images, None, rate, announced)
     boxes = tuple(read_ground_truth(truth))
     if images and len(boxes) != len(images):
         raise BagError(f'{truth} has {len(boxes)} rows, but {path} has {len(images)} images; give '
                        'another --truth FILE, or --no-truth')
-    return Source(path, images, boxes, rate)
+    return Source(path, images, boxes, rate, announced)
 
 
 def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: float = 25.0,
@@ -119,12 +121,14 @@ def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:
         yield frame
 
 
-def _video_rate(path: Path) -> float | None:
+def _video_header(path: Path) -> tuple[float | None, int | None]:
+    """Return the rate [Hz] and the number of frames that a video claims; BagError for no video."""
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise BagError(f'{path} is neither a folder of images nor a video that can be read')
-    rate = float(capture.get(cv2.CAP_PROP_FPS))
-    return rate if math.isfinite(rate) and 0 < rate <= 1000 else None
+    rate, count = (capture.get(key) for key in (cv2.CAP_PROP_FPS, cv2.CAP_PROP_FRAME_COUNT))
+    return (float(rate) if math.isfinite(rate) and 0 < rate <= 1000 else None,
+            round(count) if math.isfinite(count) and count >= 1 else None)
 
 
 def _video_frames(path: Path) -> Iterator[Frame]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from vtrack_ros.bags.importing import open_source, record
 from vtrack_ros.cli.arguments import positive_number
+from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.progress import with_progress
 from vtrack_ros.cli.synth_command import add_storage_arguments
 
@@ -41,6 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
     count = record(frames, arguments.out, rate=rate, storage=arguments.format,
                    compression=arguments.compress, topic=arguments.topic,
                    with_truth=source.truth is not None)
+    if source.announced is not None and count < source.announced:
+        warn('vtrack import', f'{source.path} has {source.announced} frames by its header, but '
+             f'only {count} could be read: it may be truncated or damaged')
     about = 'without ground truth' if source.truth is None else 'with ground truth'
     print(f'{arguments.out}: {count} frames at {rate:g} Hz, {about}')
     return 0
