@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
-from vtrack_ros.bags import BagReader, BagWriter, messages  # noqa: E402
+from vtrack_ros.bags import BagReader, BagWriter, messages, SequenceError  # noqa: E402
+from vtrack_ros.bags.image_folder import read_ground_truth  # noqa: E402
 from vtrack_ros.bags.truth import read_truth  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.geometry import Box  # noqa: E402
@@ -46,3 +47,23 @@ def test_bag_with_truth_without_area_is_evaluated(repository, tmp_path, capsys):
     assert main(['evaluate', '--bags', str(tmp_path / 'bag'), '--trackers', 'pf', '--jobs', '1',
                  '--no-cache']) == 0
     assert 'AUC' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('mark', [b'', b'\xef\xbb\xbf'])
+def test_files_with_a_byte_order_mark(tmp_path, mark):
+    """Truth that an editor saved with a byte order mark, and CRLF, is read as without them."""
+    (tmp_path / 'truth.csv').write_bytes(mark + b'stamp_ns,x,y,width,height\r\n7,1,2,3,4\r\n')
+    assert read_truth(tmp_path / 'truth.csv') == {7: Box(1, 2, 3, 4)}
+    (tmp_path / 'rows.txt').write_bytes(mark + b'1,2,3,4\r\n')
+    assert read_ground_truth(tmp_path / 'rows.txt') == [Box(1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize('content', [
+    b'stamp_ns,x,y,width,height\n1,2,3,4,\xff\n', 'stamp_ns,x\n'.encode('utf-16'),
+    b'stamp_ns,x,y,width,height\n' + b'9' * 200_000, b'stamp_ns,x,y,width,height\n1,2,3,4,\xb2'])
+def test_files_that_are_no_text_are_named(tmp_path, content):
+    """Other encodings, and fields beyond all measure, are refused with the name of the file."""
+    for name, read in (('truth.csv', read_truth), ('rows.txt', read_ground_truth)):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(SequenceError, match=name):
+            read(tmp_path / name)

@@ -52,11 +52,12 @@ def read_ground_truth(path: Path) -> list[Box | None]:
     Return the boxes of a ground truth, None where the target is absent.
 
     Rows are x, y, width, height in pixels, 0-based, separated by commas, semicolons or blanks;
-    SequenceError if one isn't four numbers, or there is none.
+    the first may follow a byte order mark. SequenceError if one isn't four numbers, or there is
+    none.
     """
     boxes = []
     try:
-        text = path.read_text(encoding='utf-8')
+        text = path.read_text(encoding='utf-8-sig')
     except (OSError, UnicodeDecodeError) as error:
         raise SequenceError(f'{path}: {error}') from None
     for number, line in enumerate(text.splitlines(), 1):

@@ -33,17 +33,23 @@ def write_truth(path: Path, truth: Mapping[int, Box | None]) -> None:
 
 
 def read_truth(path: Path) -> dict[int, Box | None]:
-    """Read what `write_truth` wrote; BagError, with the line, if it isn't such a table."""
+    """
+    Read what `write_truth` wrote; BagError, with the line, if it isn't such a table.
+
+    The text may begin with a byte order mark, as editors of other systems write it.
+    """
     truth: dict[int, Box | None] = {}
-    with path.open(newline='') as file:
-        rows = csv.reader(file)
-        if next(rows, None) != _COLUMNS:
-            raise BagError(f'{path}: the first line must be {",".join(_COLUMNS)}')
-        for number, row in enumerate(rows, start=2):
-            try:
-                stamp, (x, y, width, height) = int(row[0]), map(float, row[1:])
-            except (IndexError, ValueError):
-                raise BagError(f'{path}, line {number}: expected {",".join(_COLUMNS)} as numbers, '
-                               f'not {",".join(row)!r}') from None
-            truth[stamp] = true_box(x, y, width, height)
+    try:
+        rows = list(csv.reader(path.read_text(encoding='utf-8-sig').splitlines()))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise BagError(f'{path}: {error}') from None
+    if rows[:1] != [_COLUMNS]:
+        raise BagError(f'{path}: the first line must be {",".join(_COLUMNS)}')
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            stamp, (x, y, width, height) = int(row[0]), map(float, row[1:])
+        except (IndexError, ValueError):
+            raise BagError(f'{path}, line {number}: expected {",".join(_COLUMNS)} as numbers, '
+                           f'not {",".join(row)!r}') from None
+        truth[stamp] = true_box(x, y, width, height)
     return truth
