@@ -107,6 +107,7 @@ def test_the_node_needs_none_of_the_tools():
     (['synth', 'face_fast', '--out', 'x', '--topic', '/bad topic'], "'/bad topic'"),
     (['synth', 'face_fast', '--out', 'x', '--topic', ''], 'valid topic name'),
     (['synth', 'face_fast', '--out', 'x', '--topic', 'left/', '--compress', 'png'], "'left/'"),
+    (['synth', 'face_fast', '--out', 'x', '--topic', 'truth'], 'is that of the ground truth'),
     (['import', 'pictures'], '--out'),
     (['import', 'no/such/folder', '--out', 'x'], 'does not exist'),
     (['play'], 'BAG'),
@@ -162,11 +163,12 @@ def test_wrong_bags(tmp_path, repository: Path, capsys):
 
 
 def test_import_to_no_topic(tmp_path, capsys):
-    """A topic name that ROS doesn't accept is refused before anything is written."""
+    """A topic that ROS doesn't accept, or the truth's, is refused before anything is written."""
     cv2 = pytest.importorskip('cv2')
     cv2.imwrite(str(tmp_path / '1.png'), np.zeros((4, 4, 3), np.uint8))
-    arguments = ['import', tmp_path, '--out', tmp_path / 'bag', '--topic', '1st']
-    assert "'1st' is not a valid topic name" in complaint(arguments, capsys)
+    arguments = ['import', tmp_path, '--out', tmp_path / 'bag', '--topic']
+    assert "'1st' is not a valid topic name" in complaint([*arguments, '1st'], capsys)
+    assert '/truth is that of the ground truth' in complaint([*arguments, '/truth'], capsys)
     assert not (tmp_path / 'bag').exists()
 
 

@@ -12,6 +12,7 @@ from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.image_folder import (
     GROUND_TRUTH, image_files, read_ground_truth, read_image)
 from vtrack_ros.bags.topics import checked_topic
+from vtrack_ros.bags.truth import TRUTH_TOPIC
 from vtrack_ros.bags.writer import BagWriter
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -93,10 +94,13 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
     Write frames with their truth, at `rate` in Hz, into a bag; return the number of frames.
 
     The truth isn't written without `with_truth`; `path`, `storage` and `compression` are those of
-    `BagWriter`. BagError if there's no frame, the topic isn't a valid name in ROS, or the bag
-    can't be written.
+    `BagWriter`. BagError if there's no frame, the topic isn't a valid name in ROS or is that of
+    the truth, or the bag can't be written.
     """
     count, topic = 0, checked_topic(topic)
+    if topic == TRUTH_TOPIC:
+        raise BagError(
+            f'the topic {TRUTH_TOPIC} is that of the ground truth: give the images another one')
     with BagWriter(path, storage, compression) as writer:
         for frame, truth in frames:
             stamp = FIRST_STAMP + round(count * 1e9 / rate)
