@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
-from vtrack_ros.bags import BagReader, BagWriter  # noqa: E402
+from vtrack_ros.bags import BagError, BagReader, BagWriter  # noqa: E402
+from vtrack_ros.bags.importing import record  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.cli.progress import ProgressBar  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
@@ -169,6 +170,34 @@ def test_import_to_no_topic(tmp_path, capsys):
     arguments = ['import', tmp_path, '--out', tmp_path / 'bag', '--topic']
     assert "'1st' is not a valid topic name" in complaint([*arguments, '1st'], capsys)
     assert '/truth is that of the ground truth' in complaint([*arguments, '/truth'], capsys)
+    assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize('rate', ['1e-9', '1e12'])
+def test_rates_that_stamps_cannot_have(rate, tmp_path, capsys):
+    """The valid rates are named, and nothing is written."""
+    for command in (['synth', 'face_fast'], ['import', tmp_path]):
+        (tmp_path / '1.png').write_bytes(b'')
+        words = complaint([*command, '--out', tmp_path / 'bag', '--rate', rate], capsys)
+        assert 'the rate must be from 1e-06 to 1e+06 Hz' in words
+        assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize('rate', [1e-6, 1e6])
+def test_the_lowest_and_the_highest_rate(rate, tmp_path, capsys):
+    """Stamps are as far apart as the rate says."""
+    assert main(['synth', 'face_fast', '--frames', '3', '--rate', str(rate),
+                 '--out', str(tmp_path / 'bag')]) == 0
+    with BagReader(tmp_path / 'bag') as bag:
+        stamps = [image.stamp for image in bag.frames()]
+    assert [late - early for early, late in zip(stamps, stamps[1:])] == 2 * [round(1e9 / rate)]
+
+
+def test_more_frames_than_there_are_stamps(tmp_path):
+    """An error says how many frames a bag can have at such a rate, and no bag is left."""
+    frames = ((np.zeros((4, 4), np.uint8), None) for _ in range(3000))
+    with pytest.raises(BagError, match='at 1e-06 Hz a bag holds up to 2148 frames'):
+        record(frames, tmp_path / 'bag', rate=1e-6)
     assert not (tmp_path / 'bag').exists()
 
 

@@ -19,6 +19,10 @@ from vtrack_ros.geometry import Box
 
 #: The stamp of the first frame, in nanoseconds; not 0, which means "no time" to ROS.
 FIRST_STAMP = 1_000 * 1_000_000_000
+#: The last stamp that a message can have: its seconds have 32 bits, one of them the sign.
+LAST_STAMP = 2 ** 31 * 1_000_000_000 - 1
+#: Bounds of the rate of frames, in Hz: at higher ones stamps would soon be too close together.
+LOWEST_RATE, HIGHEST_RATE = 1e-6, 1e6
 
 #: The truth of a frame: a box; None where the target is absent, or no truth is known.
 Truth = Box | None
@@ -95,15 +99,21 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
 
     The truth isn't written without `with_truth`; `path`, `storage` and `compression` are those of
     `BagWriter`. BagError if there's no frame, the topic isn't a valid name in ROS or is that of
-    the truth, or the bag can't be written.
+    the truth, the rate isn't from 1e-6 to 1e6, or the bag can't be written.
     """
     count, topic = 0, checked_topic(topic)
     if topic == TRUTH_TOPIC:
         raise BagError(
             f'the topic {TRUTH_TOPIC} is that of the ground truth: give the images another one')
+    if not LOWEST_RATE <= rate <= HIGHEST_RATE:
+        raise BagError(
+            f'the rate must be from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz, not {rate:g}')
     with BagWriter(path, storage, compression) as writer:
         for frame, truth in frames:
             stamp = FIRST_STAMP + round(count * 1e9 / rate)
+            if stamp > LAST_STAMP:
+                raise BagError(
+                    f'at {rate:g} Hz a bag holds up to {count} frames: ROS has no later stamps')
             writer.write_frame(frame, stamp, topic)
             if with_truth:
                 writer.write_truth(truth, stamp)

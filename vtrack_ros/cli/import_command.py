@@ -25,7 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', type=Path, required=True, metavar='BAG',
                         help='bag to write, a new folder')
     parser.add_argument('--rate', type=positive_number, metavar='HZ',
-                        help="frames per second (default: the video's rate, otherwise 25)")
+                        help="frames per second, 1e-6 to 1e6 (default: the video's rate, or else "
+                        '25)')
     truth = parser.add_mutually_exclusive_group()
     truth.add_argument('--truth', type=Path, metavar='FILE',
                        help='file with the ground truth (default: groundtruth_rect.txt, if there '

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help='number of frames; after its end the scene continues backwards '
                         '(default: the whole scene)')
     parser.add_argument('--rate', type=positive_number, default=25.0, metavar='HZ',
-                        help='frames per second (default: %(default)s)')
+                        help='frames per second, 1e-6 to 1e6 (default: %(default)s)')
     parser.add_argument('--seed', type=seed, default=0, metavar='S',
                         help='seed of textures, clutter and noise (default: %(default)s)')
     add_storage_arguments(parser)
