@@ -37,6 +37,17 @@ def test_pictures_of_several_sizes(tmp_path):
     assert cv2.imread(str(sheet)).shape == (2 * height + 12, 4 * width + 20, 3)
 
 
+@pytest.mark.parametrize('rate, shown', [(1e-4, 0.01), (1e6, 1000.0)])
+def test_rates_that_no_video_has(tmp_path, rate, shown):
+    """A video of a bag with an image per hour, or per microsecond, is made all the same."""
+    with Film(tmp_path, rate, 3) as film:
+        for _ in range(3):
+            film.add(np.zeros((48, 64, 3), np.uint8), 'waiting')
+    video = cv2.VideoCapture(str(film.paths[0]))
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 3
+    assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(shown)
+
+
 @pytest.mark.parametrize('shape', [(3000, 2), (2, 3000, 3), (1, 1)])
 def test_a_sliver_is_drawn_no_larger_than_it_has_to_be(shape):
     """It's enlarged by its longer side; by the other one a narrow column would take gigabytes."""

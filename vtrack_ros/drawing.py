@@ -31,6 +31,8 @@ STATES = {
 _BITS = 4
 #: Longer side, in pixels, that small pictures are enlarged to, about, by an integer factor.
 _LEGIBLE = 480
+#: Bounds of a video's rate, [Hz]; MPEG-4 can't have much lower or much higher ones.
+_LOWEST_RATE, _HIGHEST_RATE = 0.01, 1000.0
 #: Largest number of pictures on a contact sheet, and of positions in a trail.
 _SHEET, _TRAIL_LENGTH = 16, 60
 #: Radius of a two-dimensional Gaussian's 90 % ellipse, in standard deviations.
@@ -132,12 +134,12 @@ class Film:
     removed, for an incomplete one looks like a complete one.
 
     `rate` is in frames per second, `count` the largest number of frames; a file that can't be
-    written is an OSError.
+    written is an OSError. A rate beyond the video format's bounds is the nearest one within.
     """
 
     def __init__(self, folder: Path, rate: float, count: int) -> None:
         self.paths = (folder / VIDEO_FILE, folder / SHEET_FILE)
-        self._rate = rate
+        self._rate = min(max(rate, _LOWEST_RATE), _HIGHEST_RATE)
         self._chosen = set(np.linspace(0, count - 1, min(_SHEET, count)).round().astype(int))
         self._index = 0
         self._sheet: list[Frame] = []
