@@ -97,7 +97,7 @@ class AffinePatches:
 
     def _rows(self) -> Array:
         """Return the maps from the rectangle to the region's pixels, shape (N, 2, 3)."""
-        rows = self._transformations[:, :2] / self._per_pixel[:, None]
+        rows: Array = self._transformations[:, :2] / self._per_pixel[:, None]
         # OpenCV counts from the centre of a pixel, boxes from its outer corner
         rows[:, :, 2] -= self._origin / self._per_pixel + 0.5
         return rows

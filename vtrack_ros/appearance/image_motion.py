@@ -110,8 +110,7 @@ class SparsePicture:
     def _coarse(self) -> tuple[NDArray[np.float32], int]:
         """Return the pixels, subsampled once more and windowed, and their stride in the frame."""
         every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
-        coarse = self.pixels[::every, ::every]
-        # not by OpenCV: given a window, it may change the pictures in place
+        coarse = self.pixels[::every, ::every]  # OpenCV itself would change it in place
         return coarse * _hanning(*coarse.shape), every * self.stride
 
     @property

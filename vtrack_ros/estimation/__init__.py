@@ -41,8 +41,8 @@ from vtrack_ros.estimation.sigma_points import (
     SigmaPointRule, unscented)
 
 __all__ = [
-    'at_least', 'Belief', 'central_differences', 'ConstantVelocity', 'covariance_factors', 'cubature',
-    'ExtendedKalmanFilter', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
+    'at_least', 'Belief', 'central_differences', 'ConstantVelocity', 'covariance_factors',
+    'cubature', 'ExtendedKalmanFilter', 'gauss_hermite', 'Gaussian', 'GaussianFilter',
     'GaussianFilterProposal', 'GaussianNoise', 'gm11_forecast', 'GreyProposal', 'hermite_nodes',
     'KalmanFilter', 'LinearModel', 'mix', 'moments', 'ParticleFilter', 'PriorProposal',
     'Proposal', 'Proposed', 'pruned_gauss_hermite', 'pruning_threshold', 'RuleFactory',

@@ -59,12 +59,12 @@ class Localiser:
                  confined: bool = False) -> None:
         layout = WindowLayout.around(*size, FINE if confined else COARSE)
         window = layout.window(frame, center, size)
-        shift = window.shift(center)
-        growth = math.sqrt(math.prod(size) / math.prod(window.size))
+        shift, growth = window.shift(center), math.sqrt(math.prod(size) / math.prod(window.size))
         model = self.MODEL.create(window, confined, shift, growth)
         self._template = InitialTemplate.of(model, window, shift)
         self._first_model, self._first_size, self._window = model, size, window
-        self._least_usual = _FIRST_RESPONSE * float(model.response(window).max()), _FIRST_SIMILARITY
+        own = ResponseMap(window, model.response(window)).peak
+        self._least_usual = _FIRST_RESPONSE * own, _FIRST_SIMILARITY
         self._live = TargetSnapshot(model, center, size, 1.0, 1.0)
         self._rng, self._growing, self._similarity = rng, False, 1.0
         self._presence, self._time = PresenceDetector(), ExampleTime()
