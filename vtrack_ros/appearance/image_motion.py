@@ -79,7 +79,8 @@ class SparsePicture:
         (before, stride), (after, _) = self._coarse, later._coarse
         if min(before.shape) < _SMALLEST:
             return None
-        (x, y), reliability = cv2.phaseCorrelate(before, after)
+        # OpenCV multiplies the window into pictures of some sizes: see decision 60
+        (x, y), reliability = cv2.phaseCorrelate(before, after, _hanning(*before.shape))
         return (x * stride, y * stride) if reliability >= _RELIABLE else None
 
     def ground_step(self, later: SparsePicture, target: Box, far: bool = False) -> Point | None:
@@ -108,10 +109,10 @@ class SparsePicture:
 
     @cached_property
     def _coarse(self) -> tuple[NDArray[np.float32], int]:
-        """Return the pixels, subsampled once more and windowed, and their stride in the frame."""
+        """Return the pixels, subsampled once more, and their stride in the frame."""
         every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
-        coarse = self.pixels[::every, ::every]  # OpenCV itself would change it in place
-        return coarse * _hanning(*coarse.shape), every * self.stride
+        coarse = np.ascontiguousarray(self.pixels[::every, ::every], np.float32)
+        return coarse, every * self.stride
 
     @property
     def _padded(self) -> NDArray[np.float32]:
