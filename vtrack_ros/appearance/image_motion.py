@@ -79,7 +79,6 @@ class SparsePicture:
         (before, stride), (after, _) = self._coarse, later._coarse
         if min(before.shape) < _SMALLEST:
             return None
-        # OpenCV multiplies the window into pictures of some sizes: see decision 60
         (x, y), reliability = cv2.phaseCorrelate(before, after, _hanning(*before.shape))
         return (x * stride, y * stride) if reliability >= _RELIABLE else None
 
@@ -109,7 +108,7 @@ class SparsePicture:
 
     @cached_property
     def _coarse(self) -> tuple[NDArray[np.float32], int]:
-        """Return the pixels, subsampled once more, and their stride in the frame."""
+        """Return the pixels, subsampled again, and their stride; OpenCV may change them."""
         every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
         coarse = np.ascontiguousarray(self.pixels[::every, ::every], np.float32)
         return coarse, every * self.stride
