@@ -124,3 +124,5 @@ def test_a_covariance_is_raised_where_it_is_below_another_one():
         assert np.linalg.eigvalsh(raised - few).min() > -1e-9
     more = np.diag(least) + few
     np.testing.assert_allclose(at_least(more, least), more)
+    for less in (np.zeros((4, 4)), few / 1000):
+        np.testing.assert_allclose(at_least(less, least), np.diag(least))

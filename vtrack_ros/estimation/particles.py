@@ -133,6 +133,9 @@ def at_least(covariance: Array, least: Array) -> Array:
     `least`, shape (n,), are the variances of the other one, which is diagonal and positive. In
     every direction the result is no less than it: so it's positive definite.
     """
+    if (covariance.diagonal() / least).sum() <= 1:
+        # no eigenvalue exceeds the trace; and the eigenvalues take time in every frame
+        return np.diag(least)
     scale = np.sqrt(least)
     values, vectors = np.linalg.eigh(covariance / scale / scale[:, None])
     root = vectors * np.sqrt(np.maximum(values, 1.0)) * scale[:, None]
