@@ -330,7 +330,7 @@ def test_a_place_far_away_leaves_the_covariance_positive(name, seed):
 
 
 @cache
-def crossing():
+def crossing(gone):
     """Return frames of a shaking, rotating, growing target that is partly, then fully hidden."""
     video = DrawnVideo(seed=3)
     rng = np.random.default_rng(1)
@@ -338,7 +338,7 @@ def crossing():
     for index in range(24):
         shake = rng.uniform(-8, 8, 2)
         center = (START[0] + 3.0 * index + shake[0], START[1] - 1.5 * index + shake[1])
-        frame = video.frame(None if 15 <= index < 18 else center)
+        frame = video.frame(None if gone <= index < 18 else center)
         if 9 <= index < 12:
             frame[:, int(center[0]):int(center[0]) + 40] = 90
         frames.append(cv2.warpAffine(frame, cv2.getRotationMatrix2D(
@@ -347,13 +347,14 @@ def crossing():
 
 
 def outcomes(name, **changes):
-    """Yield all numbers of each estimate of a run with some parameters changed."""
-    tracker = create_tracker(name, seed=1, **changes)
-    frames = crossing()
-    tracker.start(frames[0], box_at(START))
-    for index, frame in enumerate(frames[1:]):
-        estimate = tracker.update(frame, 1.0 + (index % 5 == 0))
-        yield np.array([*estimate.box.as_array(), estimate.angle, *estimate.covariance.ravel()])
+    """Yield all numbers of each estimate of two runs with some parameters changed."""
+    for frames in crossing(15), crossing(12):
+        tracker = create_tracker(name, seed=1, **changes)
+        tracker.start(frames[0], box_at(START))
+        for index, frame in enumerate(frames[1:]):
+            estimate = tracker.update(frame, 1.0 + (index % 5 == 0))
+            yield np.array(
+                [*estimate.box.as_array(), estimate.angle, *estimate.covariance.ravel()])
 
 
 @cache
