@@ -8,6 +8,7 @@ import weakref
 from evaluation_material import untimed, write_truth
 import numpy as np
 import pytest
+from siamese_files import write_backbone, write_head
 
 from vtrack_ros.evaluation import evaluate, find_sequences, FolderSequence, SequenceError
 from vtrack_ros.evaluation.cache import RunCache, source_files, source_hash
@@ -60,6 +61,24 @@ def test_default_parameters_share_the_cache(two_sequences, tmp_path):
     default = tracker_class('pf').PARAMETERS['particles'].default
     spelled = evaluate([f'pf:particles={default}'], two_sequences, jobs=0, cache=cache)
     assert spelled.timings == 'cached'
+
+
+def test_network_files_that_changed_are_run_again(two_sequences, tmp_path):
+    """A run with other weights in the files that its parameters name isn't the cached one."""
+    cache = RunCache(tmp_path / 'cache')
+    backbone, head = write_backbone(tmp_path / 'backbone.onnx'), tmp_path / 'head.onnx'
+    text = f'gmpf:localiser=siamese,siamese.backbone={backbone},siamese.head={head}'
+
+    def measured(grow):
+        write_head(head, grow=grow)
+        results = evaluate([text], two_sequences, jobs=0, cache=cache)
+        assert not results.problems
+        return results.timings, results.runs('First', text)[0].boxes
+
+    (first, usual), (second, large), (third, again) = map(measured, (1.0, 2.0, 2.0))
+    assert (first, second, third) == ('measured', 'measured', 'cached')
+    assert (large[-1, 2:] > 1.2 * usual[-1, 2:]).all()
+    np.testing.assert_array_equal(again, large)
 
 
 def test_source_of_a_tracker():

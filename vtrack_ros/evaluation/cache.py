@@ -32,16 +32,25 @@ def default_folder() -> Path:
 
 
 def tracker_source(tracker: TrackerSpecification) -> str:
-    """Return the hash of the source code of a tracker and of the runner."""
-    return source_hash(tracker.tracker_class.__module__, _RUNNER)
+    """Return the hash of a tracker's and the runner's source, and of files in parameters."""
+    source = source_hash(tracker.tracker_class.__module__, _RUNNER)
+    # A path says nothing of the weights in a network's file.
+    files = [Path(value) for _, value in tracker.parameters
+             if isinstance(value, str) and Path(value).is_file()]
+    if not files:
+        return source
+    digest = hashlib.sha256(source.encode())
+    for path in files:
+        digest.update(hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 def run_key(tracker: TrackerSpecification, source: str, fingerprint: str, seed: int) -> str:
     """
     Return the hash of all that a run depends on.
 
-    These are the tracker's name and all its parameters, its source (`tracker_source`), the
-    sequence's content, the seed, and the versions of NumPy and OpenCV.
+    These are the tracker's name and all its parameters, its source and files (`tracker_source`),
+    the sequence's content, the seed, and the versions of NumPy and OpenCV.
     """
     parts = {
         'version': _VERSION,
