@@ -64,6 +64,18 @@ def test_particles(square):
     assert not stress.plain.problems
 
 
+def test_no_tracker_gets_more_particles_than_it_has(square):
+    """A severity above a tracker's own number of particles leaves it as it is."""
+    label = 'pf_paper:particles=15'
+    stress = evaluate_stress([label], [square], ['particles'], jobs=0)
+    own = stress.plain.runs('Square', label)[0].boxes
+    boxes = {count: results.runs('Square', label)[0].boxes
+             for count, results in stress.of_kind('particles').items()}
+    np.testing.assert_array_equal(boxes[50], own)
+    np.testing.assert_array_equal(boxes[20], own)
+    assert (boxes[10] != own).any()
+
+
 def test_decoded_once(square):
     """Each process decodes a video once for all trackers and severities that have its length."""
     decoded = []
