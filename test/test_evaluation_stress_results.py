@@ -11,6 +11,7 @@ from vtrack_ros.evaluation import evaluate, parse_tracker
 from vtrack_ros.evaluation.results import Results
 from vtrack_ros.evaluation.sequences import read_folder
 from vtrack_ros.evaluation.stress_results import evaluate_stress, StressResults
+from vtrack_ros.evaluation.stress_table import stress_json
 
 
 @pytest.fixture(scope='module')
@@ -74,6 +75,16 @@ def test_no_tracker_gets_more_particles_than_it_has(square):
     np.testing.assert_array_equal(boxes[50], own)
     np.testing.assert_array_equal(boxes[20], own)
     assert (boxes[10] != own).any()
+
+
+def test_each_severity_of_particles_has_its_figures_in_json(square):
+    """The frames are the plain ones, but each severity has a name of its own, as other kinds."""
+    stress = evaluate_stress(['pf'], [square], ['rate', 'particles'], jobs=0)
+    sequences = stress_json(stress)['sequences']
+    assert list(sequences) == [f'Square ({kind} {severity:g})' for kind, severity in stress.levels]
+    for severity, results in stress.of_kind('particles').items():
+        assert sequences[f'Square (particles {severity:g})']['pf'] == (
+            results.summary['pf']['auc'])
 
 
 def test_decoded_once(square):

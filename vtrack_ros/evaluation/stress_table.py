@@ -50,9 +50,11 @@ def stress_json(stress: StressResults) -> dict[str, Any]:
         } for kind in stress.kinds},
         'changed': {tracker: _influence_json(stress, None, tracker) for tracker in trackers
                     if tracker != REFERENCE},
-        'sequences': {name: {tracker: _finite(scores['auc']) for tracker, scores in row.items()}
-                      for level in stress.levels.values()
-                      for name, row in level.by_sequence.items()},
+        'sequences': {
+            _name_under(kind, severity, name): {
+                tracker: _finite(scores['auc']) for tracker, scores in row.items()}
+            for (kind, severity), level in stress.levels.items()
+            for name, row in level.by_sequence.items()},
     }
 
 
@@ -74,6 +76,11 @@ def _influence_json(stress: StressResults, kind: str | None, tracker: str) -> di
     found = stress.influence(kind, tracker)
     return {'share': _finite(found.share), 'distance': _finite(found.distance),
             'gain': _finite(found.gain)}
+
+
+def _name_under(kind: str, severity: float, name: str) -> str:
+    """Return a sequence's name under stress; `name` is plain where no frame is changed."""
+    return f'{name} ({kind} {severity:g})' if STRESS_KINDS[kind].plan is None else name
 
 
 def _auc(stress: StressResults, tracker: str) -> float:
