@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vtrack_ros.bags.image_folder import read_ground_truth
-from vtrack_ros.evaluation import find_sequences, SequenceError
+from vtrack_ros.evaluation import evaluate, find_sequences, SequenceError
 from vtrack_ros.evaluation.sequences import read_folder, uniquely_named
 from vtrack_ros.geometry import Box
 
@@ -120,6 +120,25 @@ def test_names_are_unique(tmp_path):
     """A second sequence of a name gets a number."""
     sequences = [read_folder(write_sequence(tmp_path / place / 'Same'))[0] for place in 'ab']
     assert [sequence.name for sequence in uniquely_named(sequences)] == ['Same', 'Same (2)']
+
+
+def test_names_are_unique_beside_numbered_ones(tmp_path):
+    """A number that another sequence's own name has is not given a second time."""
+    names = [f'{place}/{name}' for place, name in (('a', 'Same (2)'), ('b', 'Same'), ('c', 'Same'),
+                                                   ('d', 'Same (2)'))]
+    unique = [sequence.name for sequence in uniquely_named(
+        read_folder(write_sequence(tmp_path / name))[0] for name in names)]
+    assert len(set(unique)) == 4
+    assert unique[:2] == ['Same (2)', 'Same']
+
+
+def test_no_target_of_a_folder_is_lost(tmp_path):
+    """The second target of a video and a folder called as it are two targets."""
+    folder = write_sequence(tmp_path / 'Walk', 3)
+    write_truth(folder, ['30,40,24,24'] * 3, 'groundtruth_rect.2.txt')
+    write_sequence(tmp_path / 'Walk.2', 3)
+    results = evaluate(['dcf'], tmp_path, jobs=0)
+    assert list(results.by_sequence) == ['Walk', 'Walk.2', 'Walk.2 (2)']
 
 
 def test_bag(repository):

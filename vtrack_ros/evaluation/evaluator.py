@@ -61,9 +61,8 @@ def evaluate(
         raise ValueError(f'jobs must be 0 or more, not {jobs}')
     broken: dict[str, str] = {}
     if isinstance(sequences, (str, Path)):
-        found, broken = find_sequences(Path(sequences))
-    else:
-        found = uniquely_named(sequences)
+        sequences, broken = find_sequences(Path(sequences))
+    found = uniquely_named(sequences)
     results = Results(found, chosen, numbers)
     results.problems.extend(Problem(name, '', text) for name, text in broken.items())
     fingerprints = {} if cache is None else {one.name: one.fingerprint() for one in found}

@@ -249,13 +249,16 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
 
 
 def uniquely_named(sequences: Iterable[Sequence]) -> list[Sequence]:
-    """Return the sequences; repeated names get a number: NAME, NAME (2), and so on."""
-    count: dict[str, int] = {}
+    """Return the sequences; repeated names get the next free number: NAME, NAME (2), and so on."""
+    taken: set[str] = set()
     result = []
     for sequence in sequences:
-        number = count[sequence.name] = count.get(sequence.name, 0) + 1
-        result.append(sequence if number == 1
-                      else replace(sequence, name=f'{sequence.name} ({number})'))
+        name, number = sequence.name, 1
+        while name in taken:
+            number += 1
+            name = f'{sequence.name} ({number})'
+        taken.add(name)
+        result.append(sequence if number == 1 else replace(sequence, name=name))
     return result
 
 
