@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+import shutil
 
 from evaluation_material import picture, truth_of, write_sequence, write_truth
 import numpy as np
@@ -153,6 +154,14 @@ def test_bag(repository):
     assert frames[0].shape == (96, 128, 3)
     np.testing.assert_array_equal(sequence.steps, np.ones(50))
     assert not any(math.isnan(value) for value in sequence.truth[0])
+
+
+def test_bag_s_folder_with_a_dot_in_its_name(repository, tmp_path):
+    """What follows a dot in the name of a folder isn't a suffix."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    from vtrack_ros.evaluation.sequences import read_bag
+    folder = shutil.copytree(repository / 'bags' / 'face_fast', tmp_path / 'speed_0.5')
+    assert read_bag(folder).name == 'speed_0.5'
 
 
 def test_bag_that_is_none(tmp_path):

@@ -187,8 +187,10 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     estimator = FrameIntervalEstimator()
     intervals = [1.0, *(estimator.steps(after - before)
                         for before, after in zip(stamps, stamps[1:]))]
-    return BagSequence(path.resolve().stem, truth_rows(boxes[stamp] for stamp in stamps), path,
-                       name, first, np.array(intervals), notice)
+    place = path.resolve()
+    return BagSequence(place.name if place.is_dir() else place.stem,
+                       truth_rows(boxes[stamp] for stamp in stamps), path, name, first,
+                       np.array(intervals), notice)
 
 
 @dataclass(frozen=True)
