@@ -3,10 +3,13 @@
 import json
 import sys
 
+from evaluation_material import write_truth
 import pytest
 
 from vtrack_ros.cli.command_line import main
+from vtrack_ros.evaluation import tracker_specification
 from vtrack_ros.evaluation.scoring import FIGURES
+from vtrack_ros.trackers import tracker_class
 
 
 def test_command(two_sequences, tmp_path, capsys):
@@ -37,6 +40,29 @@ def test_command_skips_what_is_broken(two_sequences, tmp_path, capsys):
     assert content['sequences']['First']['pf']['auc'] > 0
     assert content['sequences']['Second'] == {}
     assert {problem['sequence'] for problem in content['problems']} == {'Second', 'Third'}
+
+
+def test_means_over_fewer_targets_are_named(two_sequences, tmp_path, capsys, monkeypatch):
+    """A tracker that fails on a target where another one doesn't isn't compared silently."""
+    class Choosy(tracker_class('dcf')):
+        """A tracker that accepts no target at the top of the image."""
+
+        def _start(self, frame, box):
+            if box.y < 31:
+                raise ValueError('too high')
+            return super()._start(frame, box)
+
+    write_truth(two_sequences / 'Second', ['20,32,24,24'] * 8)
+    monkeypatch.setattr(tracker_specification, 'tracker_class',
+                        lambda name: Choosy if name == 'dcf' else tracker_class(name))
+    words = ['evaluate', '--sequences', str(two_sequences), '--trackers', 'pf,dcf', '--jobs', '1',
+             '--no-cache', '--html', str(tmp_path / 'a.html')]
+    assert main(words) == 1
+    told = 'dcf: means over 1 of 2 targets; it failed on First'
+    assert told in capsys.readouterr().out
+    assert told in (tmp_path / 'a.html').read_text()
+    assert main([*words, '--trackers', 'dcf']) == 1
+    assert 'means over' not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(('arguments', 'message'), [

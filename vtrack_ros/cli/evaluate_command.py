@@ -20,7 +20,7 @@ from vtrack_ros.evaluation.sequences import (
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.stress_results import evaluate_stress
 from vtrack_ros.evaluation.stress_table import influence_table, stress_json, stress_table
-from vtrack_ros.evaluation.table import sequence_table, summary_table
+from vtrack_ros.evaluation.table import fewer_targets, sequence_table, summary_table
 from vtrack_ros.evaluation.tracker_specification import parse_trackers
 from vtrack_ros.scenes import scene_names
 
@@ -160,7 +160,7 @@ def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Prob
 def _print(results: Results) -> None:
     print(sequence_table(results))
     print()
-    print(summary_table(results))
+    print('\n'.join([summary_table(results), *fewer_targets(results)]))
     targets, seeds = len(results.sequences), len(results.seeds)
     print(f'\n{targets} target{"s" * (targets != 1)}, {seeds} seed{"s" * (seeds != 1)}, '
           f'times {results.timings}')

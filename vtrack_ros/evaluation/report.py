@@ -21,7 +21,7 @@ from vtrack_ros.evaluation.scoring import FIGURES
 from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.evaluation.stress_report import stress_section
 from vtrack_ros.evaluation.stress_results import StressResults
-from vtrack_ros.evaluation.table import number_text, ranked
+from vtrack_ros.evaluation.table import fewer_targets, number_text, ranked
 from vtrack_ros.frame import Array, Frame
 
 #: Whether a figure's largest or its smallest value is the best; no best for figures not listed.
@@ -108,6 +108,7 @@ def html_page(results: Results, stress: StressResults | None = None) -> str:
         results=results, environment=environment(), colors=colors, figures=FIGURES, charts=charts,
         stress=None if stress is None else stress_section(stress, colors),
         tables={question: _table(rows, keys) for question, keys in _QUESTIONS.items()},
+        fewer=fewer_targets(results),
         auc={label: number_text(_value(row, 'auc'), 'auc') for label, row in rows.items()},
         sequences=[_sequence(results, sequence, colors) for sequence in results.sequences.values()
                    if colors.keys() & results.by_sequence[sequence.name].keys()])

@@ -36,6 +36,18 @@ def summary_table(results: Results) -> str:
     return aligned(rows)
 
 
+def fewer_targets(results: Results) -> list[str]:
+    """Return a line for each tracker that failed on a target where another one didn't."""
+    usable = [name for name, row in results.by_sequence.items() if row]
+    lines = []
+    for tracker in results.summary:
+        failed = [name for name in usable if not results.runs(name, tracker)]
+        if failed:
+            lines.append(f'{tracker}: means over {len(usable) - len(failed)} of {len(usable)} '
+                         f'targets; it failed on {", ".join(failed)}')
+    return lines
+
+
 def sequence_table(results: Results, key: str = 'auc') -> str:
     """Return one figure of each tracker on each sequence; the last row is the mean."""
     trackers = list(results.summary)
