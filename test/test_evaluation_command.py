@@ -1,6 +1,8 @@
 """The command `vtrack evaluate`: its table and files, and what it says when something is wrong."""
 
 import json
+import os
+import shutil
 import sys
 
 from evaluation_material import write_truth
@@ -78,6 +80,21 @@ def test_wrong_arguments(arguments, message, capsys):
     """Wrong arguments end with 2 and say what is wrong."""
     assert main(['evaluate', *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_relative_paths_on_workers_elsewhere(two_sequences, repository, monkeypatch, capsys):
+    """Dask workers find a sequence and a bag that are named relative to the command's folder."""
+    pytest.importorskip('distributed', reason='needs distributed')
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    from distributed import Client
+    shutil.copytree(repository / 'bags' / 'face_fast', two_sequences.parent / 'bag')
+    monkeypatch.chdir(two_sequences.parent)
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+        client.run(os.chdir, '/')
+        code = main(['evaluate', '--sequences', 'data', '--bags', 'bag', '--trackers', 'dcf',
+                     '--no-cache', '--backend', 'dask',
+                     '--scheduler', client.scheduler_info()['address']])
+    assert (code, 'failed' in capsys.readouterr().err) == (0, False)
 
 
 def test_dask_that_is_missing(two_sequences, monkeypatch, capsys):

@@ -141,12 +141,13 @@ def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Prob
     found: list[Sequence] = []
     broken: dict[str, str] = {}
     if arguments.sequences is not None:
-        found, broken = find_sequences(arguments.sequences)
+        # Workers of a dask cluster may have another working folder.
+        found, broken = find_sequences(arguments.sequences.absolute())
     for path in arguments.bags:
         if not path.exists():
             raise ValueError(f'{path}: no such bag')
         try:
-            bag = read_bag(path, arguments.topic)
+            bag = read_bag(path.absolute(), arguments.topic)
             warn('vtrack evaluate', bag.notice)
             found.append(bag)
         except SequenceError as error:
