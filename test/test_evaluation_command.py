@@ -97,6 +97,19 @@ def test_relative_paths_on_workers_elsewhere(two_sequences, repository, monkeypa
     assert (code, 'failed' in capsys.readouterr().err) == (0, False)
 
 
+@pytest.mark.parametrize(('workers', 'code', 'message'), [
+    (0, 2, 'has no worker'), (1, 0, 'runs everything in this process')])
+def test_cluster_of_few_workers(two_sequences, workers, code, message, capsys):
+    """A cluster that will not do the work is named."""
+    pytest.importorskip('distributed', reason='needs distributed')
+    from distributed import LocalCluster
+    with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
+        assert main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'dcf',
+                     '--no-cache', '--backend', 'dask',
+                     '--scheduler', cluster.scheduler_address]) == code
+    assert message in capsys.readouterr().err
+
+
 def test_dask_that_is_missing(two_sequences, monkeypatch, capsys):
     """One line says what to install."""
     monkeypatch.setitem(sys.modules, 'distributed', None)

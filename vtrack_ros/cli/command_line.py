@@ -147,7 +147,7 @@ def complain(prog: str, message: str) -> int:
 
 
 def warn(prog: str, notice: str | None) -> None:
-    """Print a warning about a bag, if there is one, as one line on standard error."""
+    """Print a warning, if there is one, as one line on standard error."""
     if notice:
         complain(prog, f'warning: {notice}')
 

@@ -127,7 +127,13 @@ def _workers(arguments: argparse.Namespace) -> Iterator[None]:
     here = {'n_workers': arguments.jobs, 'threads_per_worker': 1, 'dashboard_address': None}
     connect: Any = Client
     with connect(address, **({} if address else here)) as client, parallel_config(backend='dask'):
-        busy = [worker for worker, threads in client.nthreads().items() if threads > 1]
+        workers = client.nthreads()
+        if not workers:
+            raise ValueError('the dask cluster has no worker')
+        if address and len(workers) == 1:
+            warn('vtrack evaluate', 'the dask cluster has a single worker; joblib then runs '
+                 'everything in this process instead')
+        busy = [worker for worker, threads in workers.items() if threads > 1]
         if busy:
             raise ValueError(f'{busy[0]} has several threads, which would slow each other down: '
                              'start it with dask worker --nthreads 1')
