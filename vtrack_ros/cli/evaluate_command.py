@@ -78,6 +78,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Evaluate and print; return 1 where something is wrong with a sequence or a run, else 0."""
     trackers = parse_trackers(arguments.trackers)
     kinds = None if arguments.stress is None else stress_kinds(arguments.stress)
+    if arguments.html:
+        # Imported before the evaluation: it would be in vain if a library were missing.
+        from vtrack_ros.evaluation.report import html_page
     sequences, problems = _sequences(arguments)
     for problem in problems:
         print(f'skipped: {problem}', file=sys.stderr)
@@ -102,7 +105,6 @@ def run(arguments: argparse.Namespace) -> int:
         write_json(results, arguments.json,
                    {} if stress is None else {'stress': stress_json(stress)})
     if arguments.html:
-        from vtrack_ros.evaluation.report import html_page
         arguments.html.write_text(html_page(results, stress), encoding='utf-8')
         print(f'see {arguments.html}')
     return 1 if results.problems else 0
