@@ -63,7 +63,10 @@ def film(first: float, last: float, count: int, seed: int) -> Film:
                               (WIDTH, HEIGHT), borderMode=cv2.BORDER_REFLECT)
         noise = rng.integers(-6, 7, (HEIGHT, WIDTH, 1), dtype=np.int16)
         frames.append(np.clip(seen + noise, 0, 255).astype(np.uint8))
-        truth.append((x + scale * left, y + scale * top, scale * TARGET, scale * TARGET))
+        # OpenCV maps the centres of pixels: their edges, at which boxes end, are half a pixel off
+        edge = (1 - scale) / 2
+        truth.append((x + scale * left + edge, y + scale * top + edge,
+                      scale * TARGET, scale * TARGET))
     return Film(frames, np.array(truth))
 
 
