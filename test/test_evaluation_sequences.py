@@ -1,5 +1,6 @@
 """Sequence folders and bags, valid and broken ones."""
 
+from dataclasses import replace
 import math
 from pathlib import Path
 import shutil
@@ -154,6 +155,16 @@ def test_bag(repository):
     assert frames[0].shape == (96, 128, 3)
     np.testing.assert_array_equal(sequence.steps, np.ones(50))
     assert not any(math.isnan(value) for value in sequence.truth[0])
+
+
+def test_fingerprint_of_a_bag_is_of_its_steps_too(repository):
+    """A run depends on the time between frames, which is estimated from the stamps."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    from vtrack_ros.evaluation.sequences import read_bag
+    bag = read_bag(repository / 'bags' / 'face_fast')
+    assert read_bag(repository / 'bags' / 'face_fast').fingerprint() == bag.fingerprint()
+    slower = replace(bag, intervals=2 * bag.intervals)
+    assert slower.fingerprint() != bag.fingerprint()
 
 
 def test_bag_s_folder_with_a_dot_in_its_name(repository, tmp_path):

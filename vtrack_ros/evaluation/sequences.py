@@ -150,8 +150,10 @@ class BagSequence(Sequence):
                     yield stamped.frame
 
     def fingerprint(self) -> str:
-        """Return a hash of topic, truth and every file's content."""
+        """Return a hash of topic, truth, intervals and every file's content."""
         digest = hashlib.sha256(np.ascontiguousarray(self.truth).tobytes())
+        # Not in the files: how the stamps are understood, which changes from version to version.
+        digest.update(np.ascontiguousarray(self.intervals).tobytes())
         digest.update(f'{self.topic} {self.first}'.encode())
         files = sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
         for file in files:
