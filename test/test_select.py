@@ -3,6 +3,7 @@
 import asyncio
 from contextlib import contextmanager
 import os
+from urllib.parse import urlsplit
 
 import aiohttp
 from bag_material import write_slow_bag
@@ -218,6 +219,21 @@ def test_other_origin(address):
         assert await answer(address, Host='elsewhere.example') == 403
         async with viewer(address, headers={'Origin': address.rstrip('/')}) as seen:
             await seen.receive('parameters')
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize('request_line, headers, status', [
+    ('OPTIONS *', ['Host: localhost'], 404), ('GET /', ['Host: [::1'], 403),
+    ('GET /', ['Host: localhost', 'Origin: http://[x'], 403)])
+def test_malformed_http(address, request_line, headers, status):
+    """A request whose path, Host or Origin is malformed is refused, without a traceback."""
+    async def run():
+        url = urlsplit(address)
+        reader, writer = await asyncio.open_connection(url.hostname, url.port)
+        lines = [f'{request_line} HTTP/1.1', *headers, 'Connection: close', '', '']
+        writer.write('\r\n'.join(lines).encode())
+        assert (await reader.readline()).startswith(f'HTTP/1.1 {status} '.encode())
+        writer.close()
     asyncio.run(run())
 
 

@@ -2,7 +2,7 @@
 
 import hmac
 import ipaddress
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from aiohttp import web
 from aiohttp.typedefs import Handler, Middleware
@@ -26,14 +26,23 @@ def guard(token: str) -> Middleware:
     """
     @web.middleware
     async def check(request: web.Request, handler: Handler) -> web.StreamResponse:
-        given = request.path.split('/')[1].encode('utf-8', 'surrogateescape')
+        # not every path begins with a slash: that of OPTIONS may be a lone asterisk
+        given = request.path.partition('/')[2].partition('/')[0].encode('utf-8', 'surrogateescape')
         if token and not hmac.compare_digest(given, token.encode()):
             raise web.HTTPForbidden(
                 text='The address lacks its token: open the one that vtrack select printed.\n')
-        if not token and not is_loopback(urlsplit(f'//{request.host}').hostname or ''):
+        if not token and not is_loopback(_split(f'//{request.host}').hostname or ''):
             raise web.HTTPForbidden(text=f'{request.host!r} is not an address of this machine.\n')
         origin = request.headers.get('Origin')
-        if origin is not None and urlsplit(origin).netloc != request.host:
+        if origin is not None and _split(origin).netloc != request.host:
             raise web.HTTPForbidden(text=f'Requests from pages of {origin} are not allowed.\n')
         return await handler(request)
     return check
+
+
+def _split(address: str) -> SplitResult:
+    """Return the parts of an address from a request; all are empty where it isn't one."""
+    try:
+        return urlsplit(address)
+    except ValueError:
+        return urlsplit('')
