@@ -5,7 +5,7 @@ import re
 
 import cv2
 from geometry_msgs.msg import PointStamped
-from node_harness import Client, NodeProcess, STEP
+from node_harness import Client, NodeProcess, Scene, STEP
 import numpy as np
 from page_viewer import answer, serving, viewer
 from std_srvs.srv import SetBool, Trigger
@@ -45,6 +45,37 @@ def test_parameters_of_a_node_that_answers_late():
             client.node.create_subscription(kind, f'~/{name}', lambda message: None, 1)
         with serving(client.node.get_name()) as address:
             asyncio.run(run(address, client))
+
+
+async def sending(client, scene, wanted):
+    """Send frames of a scene until a task is done; return its result."""
+    task, index = asyncio.create_task(wanted), 0
+    while not task.done():
+        await asyncio.to_thread(client.send, scene.frame(index % 100), client.start + STEP * index)
+        index += 1
+    client.start += STEP * index
+    return await task
+
+
+def test_particles_are_for_those_who_want_them():
+    """A viewer that didn't ask gets none; the node makes none once the one that did has left."""
+    def made():
+        return client.node.count_subscribers('/tracker/particles')
+
+    async def run(address, scene):
+        async with viewer(address) as other:
+            async with viewer(address) as one:
+                await one.ask(do='particles', on=True)
+                await sending(client, scene, one.until(lambda shown: shown.get('particles')))
+                shown = await sending(client, scene, other.until(lambda shown: 'box' in shown))
+                assert 'particles' not in shown
+                assert made() == 1
+            await asyncio.to_thread(client.until, lambda: not made(), 'still made')
+    scene = Scene()
+    start = [int(value) for value in scene.box(0).as_array()]
+    with NodeProcess(init_box=start), Client() as client, serving() as address:
+        client.ready()
+        asyncio.run(run(address, scene))
 
 
 def test_line_of_pixels():

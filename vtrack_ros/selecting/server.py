@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from importlib.resources import files
 import json
 from pathlib import Path
@@ -41,10 +42,15 @@ class Viewer:
     `click` (stamp, x, y), `reset`, `reinit`, `larger`, `smaller`, `enable` (on), `particles` (on),
     `record` (on) or `set` (name, kind, value). It receives JSON objects whose `kind` is `picture`
     (the JPEG follows as a binary message), `parameters` or `told` (a line to show).
+
+    `asked` is called when `particles`, whether the viewer wants them, has changed.
     """
 
-    def __init__(self, socket: web.WebSocketResponse, link: TrackerLink, folder: Path) -> None:
+    def __init__(self, socket: web.WebSocketResponse, link: TrackerLink, folder: Path,
+                 asked: Callable[[], None]) -> None:
         self._socket, self._link, self._folder = socket, link, folder
+        self._asked = asked
+        self.particles = False
         self._news = asyncio.Event()
         self._shown = asyncio.Event()
         self._shown.set()
@@ -65,7 +71,11 @@ class Viewer:
             await self._news.wait()
             self._news.clear()
             found = self._link.picture()
-            if found is None or (known := (found[0], json.dumps(found[1]))) == sent:
+            if found is None:
+                continue
+            if not self.particles:
+                found[1].pop('particles', None)
+            if (known := (found[0], json.dumps(found[1]))) == sent:
                 continue
             try:
                 data, width, height = await asyncio.to_thread(_jpeg, found[0])
@@ -124,7 +134,8 @@ class Viewer:
         elif do == 'click':
             self._link.select_point(_stamp(asked), float(asked['x']), float(asked['y']))
         elif do == 'particles':
-            self._link.want_particles(bool(asked['on']))
+            self.particles = bool(asked['on'])
+            self._asked()
         elif do == 'record':
             await self.tell(await self._link.record(self._folder if asked['on'] else None))
         elif do in ('reset', 'reinit', 'larger', 'smaller', 'enable'):
@@ -165,6 +176,9 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
             task.add_done_callback(tasks.discard)
     link = TrackerLink(target, changed, said)
 
+    def asked() -> None:
+        link.want_particles(any(viewer.particles for viewer in viewers))
+
     async def page(request: web.Request) -> web.Response:
         name, kind = _PAGE[request.path.rpartition('/')[2]]
         body = files('vtrack_ros.selecting').joinpath('web', name).read_bytes()
@@ -173,7 +187,7 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
     async def viewing(request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=20.0)
         await socket.prepare(request)
-        viewer = Viewer(socket, link, folder)
+        viewer = Viewer(socket, link, folder, asked)
         viewers.add(viewer)
         link.watch(True)
         try:
@@ -189,6 +203,7 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         finally:
             viewers.discard(viewer)
             link.watch(bool(viewers))
+            asked()
         return socket
 
     application = web.Application(middlewares=[guard(token)], client_max_size=LONGEST_MESSAGE)
