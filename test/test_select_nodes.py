@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import shutil
 
 import cv2
 from geometry_msgs.msg import PointStamped
@@ -76,6 +77,25 @@ def test_particles_are_for_those_who_want_them():
     with NodeProcess(init_box=start), Client() as client, serving() as address:
         client.ready()
         asyncio.run(run(address, scene))
+
+
+def test_recording_into_a_folder_that_goes_away(tmp_path):
+    """As when a drive is unplugged: the viewer is told, and the page goes on."""
+    folder = tmp_path / 'drive'
+
+    async def run(address, scene):
+        async with viewer(address) as seen:
+            await seen.ask(do='record', on=True)
+            await sending(client, scene, seen.until(lambda shown: shown['recording']))
+            shutil.rmtree(folder)
+            await sending(client, scene, seen.told(str(folder)))
+            await sending(client, scene, seen.until(lambda shown: not shown['recording']))
+            await seen.ask(do='record', on=True)
+            await sending(client, scene, seen.until(lambda shown: shown['recording']))
+    with (NodeProcess(), Client() as client,
+          serving('--recordings', str(folder)) as address):
+        client.ready()
+        asyncio.run(run(address, Scene()))
 
 
 def test_line_of_pixels():

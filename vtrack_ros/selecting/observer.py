@@ -79,7 +79,7 @@ class Observer:
             self._inputs.pop('image').destroy()
             self._image = None
             self._images.clear()
-            self.finish_recording()
+            self._end_recording('nobody watches')
         wanted = self.watched and self.wanted
         if wanted and 'particles' not in self._inputs:
             self._inputs['particles'] = Input(
@@ -149,19 +149,38 @@ class Observer:
                     return self._inputs[name]
         return None
 
+    def _record(self, add: Callable[[Recording], None]) -> None:
+        """Add to the recording, if there is one; where that fails, the viewers are told."""
+        if self._recording is None:
+            return
+        try:
+            add(self._recording)
+            why = 'the disk is full' if self._recording.full else ''
+        except (OSError, ValueError) as error:
+            # such as of a drive that was unplugged; it must not end the executor's thread
+            why = f'the recording has ended: {error}'
+        if why:
+            self._end_recording(why)
+
+    def _end_recording(self, why: str) -> None:
+        """Complete the bag, if there is one; tell the viewers why, and where it is."""
+        if self._recording is None:
+            return
+        try:
+            where = self.finish_recording()
+        except (OSError, ValueError) as error:
+            where = f'there is no bag: {error}'
+        self._said(f'{why}: {where}')
+
     def _on_image(self, message: Any) -> None:
-        if self._recording is not None:
-            self._recording.add_image(message)
-            if self._recording.full:
-                self._said('the disk is full: ' + self.finish_recording())
+        self._record(lambda recording: recording.add_image(message))
         self._images.append(message)
         answered = _answered(self._images, self._answers)
         if answered is None or answered[0] is message:
             self._changed()
 
     def _on_answer(self, message: Any) -> None:
-        if self._recording is not None:
-            self._recording.add_answer(message)
+        self._record(lambda recording: recording.add_answer(message))
         self._answers.append(message)
         one = message.detections[0] if message.detections else None
         if one is None or one.id != self._identity:
