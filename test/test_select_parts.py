@@ -15,7 +15,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import (
     BoundingBox2D, Detection2D, Detection2DArray, ObjectHypothesisWithPose)
 
@@ -99,6 +99,36 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
         assert seen(answers, answer(1)) == (1, [-1.0, -1.0, 2.0, 2.0])
         assert seen(answers, answer(2)) == (1, [-1.0, -1.0, 2.0, 2.0])
         assert seen(images, stamped(Image(), 2)) == (2, [-2.0, -2.0, 4.0, 4.0])
+    finally:
+        executor.shutdown()
+        observer.destroy()
+        for node in (tracker, watcher):
+            leave(node)
+        rclpy.try_shutdown(context=context)
+
+
+def test_a_node_that_comes_back_with_another_topic_is_followed():
+    """As one whose remap was wrong; its images may be below its own name, too."""
+    context = Context()
+    rclpy.init(context=context)
+    tracker, watcher = (Node(name, context=context) for name in ('tracker', 'watcher'))
+    executor, shown = SingleThreadedExecutor(context=context), []
+    for node in (tracker, watcher):
+        executor.add_node(node)
+    observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print)
+    observer.watched = True
+    try:
+        for topic, kind in (('/image', Image), ('/image_raw', Image),
+                            ('/tracker/compressed', CompressedImage)):
+            images = tracker.create_publisher(kind, topic, 10)
+            subscription = tracker.create_subscription(kind, topic, lambda _: None, 10)
+            shown.clear()
+            deadline = time.monotonic() + PATIENCE
+            while not any(isinstance(message, kind) for message, _ in shown):
+                assert time.monotonic() < deadline, topic
+                images.publish(kind())
+                executor.spin_once(timeout_sec=0.1)
+            tracker.destroy_subscription(subscription)
     finally:
         executor.shutdown()
         observer.destroy()

@@ -10,7 +10,7 @@ from typing import Any, TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
 from rcl_interfaces.msg import Log
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import Detection2DArray
 
@@ -52,7 +52,7 @@ class Observer:
         self._identity = ''
         self._state: dict[str, str] = {}
         self._inputs: dict[str, Input] = {}
-        self._image: Input | None = None
+        self._sources: dict[str, tuple[str, str]] = {}
         self._particles: Any = None
         self._recording: Recording | None = None
         self.watched = self.wanted = False
@@ -64,20 +64,19 @@ class Observer:
         """Query the graph: find the node's topics, and adapt the subscriptions."""
         name, _, base = self._target.rpartition('/')
         name = name or '/'
-        if (base, name) not in self._node.get_node_names_and_namespaces():
+        try:
+            outputs = self._node.get_publisher_names_and_types_by_node(base, name)
+            inputs = self._node.get_subscriber_names_and_types_by_node(base, name)
+        except NodeNameNonExistentError:
             return
-        if 'answer' not in self._inputs:
-            self._subscribe('answer', self._node.get_publisher_names_and_types_by_node(
-                base, name), ('vision_msgs/msg/Detection2DArray',), self._on_answer)
-        if self.watched and self._image is None:
-            self._image = self._subscribe('image', [
-                (topic, kinds) for topic, kinds in
-                self._node.get_subscriber_names_and_types_by_node(base, name)
-                if not topic.startswith(f'{self._target}/')],
-                ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage'), self._on_image)
-        elif not self.watched and self._image is not None:
+        self._subscribe(
+            'answer', outputs, ('vision_msgs/msg/Detection2DArray',), self._on_answer)
+        if self.watched:
+            self._subscribe(
+                'image', inputs, ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage'),
+                self._on_image)
+        elif 'image' in self._inputs:
             self._inputs.pop('image').destroy()
-            self._image = None
             self._images.clear()
             self._end_recording('nobody watches')
         wanted = self.watched and self.wanted
@@ -141,13 +140,15 @@ class Observer:
             one.destroy()
 
     def _subscribe(self, name: str, topics: Any, kinds: tuple[str, ...],
-                   callback: Callable[[Any], None]) -> Input | None:
-        for topic, offered in topics:
-            for kind in kinds:
-                if kind in offered:
-                    self._inputs[name] = Input(self._node, _KINDS[kind], topic, callback)
-                    return self._inputs[name]
-        return None
+                   callback: Callable[[Any], None]) -> None:
+        """Subscribe to the node's topic of these kinds; anew if a restarted one has another."""
+        found = [(topic, kind) for topic, offered in topics for kind in kinds if kind in offered]
+        if not found or name in self._inputs and self._sources[name] in found:
+            return
+        if name in self._inputs:
+            self._inputs[name].destroy()
+        topic, kind = self._sources[name] = found[0]
+        self._inputs[name] = Input(self._node, _KINDS[kind], topic, callback)
 
     def _record(self, add: Callable[[Recording], None]) -> None:
         """Add to the recording, if there is one; where that fails, the viewers are told."""
