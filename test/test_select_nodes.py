@@ -79,6 +79,26 @@ def test_particles_are_for_those_who_want_them():
         asyncio.run(run(address, scene))
 
 
+def test_a_node_that_ends_has_no_state():
+    """The images go on, but the page no longer says that the target is tracked."""
+    async def run(address, node, scene):
+        async with viewer(address) as seen:
+            await sending(client, scene, seen.until(lambda shown: 'box' in shown))
+            assert await asyncio.to_thread(node.stop) == 0
+            ended = asyncio.create_task(seen.until(lambda shown: not shown['state']))
+            while not ended.done():
+                await asyncio.to_thread(
+                    client.send, scene.frame(0), client.start, answered=False)
+                client.start += STEP
+                await asyncio.sleep(0.03)
+            await ended
+    scene = Scene()
+    start = [int(value) for value in scene.box(0).as_array()]
+    with NodeProcess(init_box=start) as node, Client() as client, serving() as address:
+        client.ready()
+        asyncio.run(run(address, node, scene))
+
+
 def test_recording_into_a_folder_that_goes_away(tmp_path):
     """As when a drive is unplugged: the viewer is told, and the page goes on."""
     folder = tmp_path / 'drive'

@@ -68,6 +68,10 @@ class Observer:
             outputs = self._node.get_publisher_names_and_types_by_node(base, name)
             inputs = self._node.get_subscriber_names_and_types_by_node(base, name)
         except NodeNameNonExistentError:
+            # its images may go on, and what it said of the target is no longer true
+            if self._state:
+                self._state = {}
+                self._changed()
             return
         self._subscribe(
             'answer', outputs, ('vision_msgs/msg/Detection2DArray',), self._on_answer)
