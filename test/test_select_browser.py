@@ -76,6 +76,10 @@ def test_in_a_browser(tmp_path):
                              ".find(one => one.ariaLabel == 'abmspf.particles'); "
                              'one.value = 0.2; one.oninput(); one.onchange(); })()')
             await page.until("$('told').textContent == 'abmspf.particles is 81'")
+            await page.value('(() => { const one = document.querySelector('
+                             "'[name=history_seconds]'); one.value = ''; one.onchange(); })()")
+            await page.until("$('told').className == 'wrong' "
+                             "&& document.querySelector('[name=history_seconds]').value == 2")
             await page.value("$('reset').click()")
             await page.until("$('state').textContent == 'waiting'")
             await page.painted()

@@ -146,8 +146,11 @@ class TrackerLink:
         return parameter_inputs(described.descriptors, values.values)
 
     async def set_parameter(self, name: str, kind: str, value: Any) -> str:
-        """Set a parameter; return why it failed, or ''. Errors as `ask`, and ValueError."""
-        row = Parameter(name=name, value=parameter_value(kind, value))
+        """Set a parameter; return why it failed, or ''. Errors as `ask`."""
+        try:
+            row = Parameter(name=name, value=parameter_value(kind, value))
+        except (ValueError, OverflowError) as error:
+            return f'{name}: {error}'
         result, = (await self.ask('set_parameters', parameters=[row])).results
         return '' if result.successful else str(result.reason)
 

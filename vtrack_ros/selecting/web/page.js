@@ -259,7 +259,8 @@ function input(row) {
   else field.value = row.value;
   field.name = row.name;
   field.onchange = () => {
-    const number = row.kind === 'int' || row.kind === 'float';
+    // an empty field is no number, though Number('') is 0
+    const number = (row.kind === 'int' || row.kind === 'float') && field.value !== '';
     const value = row.kind === 'bool' ? field.checked : number ? Number(field.value) : field.value;
     ask({do: 'set', name: row.name, kind: row.kind, value});
   };
