@@ -171,8 +171,10 @@ def test_box_on_a_frame():
     (Box(-30, 10, 40, 10), False, r'centre \(-10, 15\) outside'),
     (Box(20, 20, 0.2, 20), False, 'at least 2 px'),
     (Box(20, 20, 20, 1.9), False, 'at least 2 px'),
-    (Box(49, 20, 20, 20), True, 'at least 2 px')])
+    (Box(49, 20, 20, 20), True, 'at least 2 px'),
+    (Box(-1e300, 20, 2e300, 20), False, 'at most 1000000 px'),
+    (Box(20, -1e7, 20, 2e7), False, 'at most 1000000 px')])
 def test_box_that_cannot_be_followed(box, clamp, words):
-    """A box outside the image, or too small, is refused with what's valid."""
+    """A box outside the image, too small or too large is refused with what's valid."""
     with pytest.raises(ValueError, match=words):
         Selection(box, 'a', clamp=clamp).box_on(frame(side=50))

@@ -18,14 +18,13 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.exemplar import Exemplar, LONGEST_SIDE, surroundings
 from vtrack_ros.session.last_measurement import LastMeasurement
+from vtrack_ros.session.selection import GREATEST_SIDE
 from vtrack_ros.session.session import TrackingSession
 
 #: How the text of a saved target begins; any other text is rejected.
 MARK = '{"format": "vtrack_ros target 1"'
 #: Shortest side of the target's box in its first picture, which may be scaled down, in pixels.
 _SHORTEST_SIDE = 1e-3
-#: Longest side of a target's box, in pixels: no image's side is longer.
-_LONGEST_BOX_SIDE = 1e6
 
 
 @dataclass(frozen=True)
@@ -105,8 +104,8 @@ class SavedTarget:
             raise ValueError('its picture is not inside the image')
         if box.clipped(shape[1], shape[0]) is None:
             raise ValueError('its box is not inside the image')
-        if max(box.width, box.height, first_box.width, first_box.height) > _LONGEST_BOX_SIDE:
-            raise ValueError(f'a box with a side of more than {_LONGEST_BOX_SIDE:.0f} px is '
+        if max(box.width, box.height, first_box.width, first_box.height) > GREATEST_SIDE:
+            raise ValueError(f'a box with a side of more than {GREATEST_SIDE:.0f} px is '
                              'impossible')
         if not abs(angle) <= math.tau:
             raise ValueError(f'a rotation of {angle} rad is impossible')

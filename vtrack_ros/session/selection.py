@@ -12,6 +12,8 @@ from vtrack_ros.trackers import Frame
 LEAST_AHEAD = 500_000_000
 #: The shortest side of a box that can be followed, in pixels.
 LEAST_SIDE = 2.0
+#: The greatest side of a target's box, in pixels: no image's side is longer.
+GREATEST_SIDE = 1e6
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Selection:
         """
         Return the box to start on.
 
-        ValueError if the box or its centre is outside the frame, or a side is too short.
+        ValueError if the box or its centre is outside the frame, or a side is too short or long.
         """
         height, width = frame.shape[:2]
         box = self.box.box_on(frame) if isinstance(self.box, Click) else self.box
@@ -71,6 +73,9 @@ class Selection:
         if min(box.width, box.height) < LEAST_SIDE:
             raise ValueError(f'{name} is too small; width and height must be at least '
                              f'{LEAST_SIDE:g} px')
+        if max(box.width, box.height) > GREATEST_SIDE:
+            raise ValueError(f'{name} is too large; width and height must be at most '
+                             f'{GREATEST_SIDE:.0f} px')
         return box
 
 
