@@ -58,6 +58,10 @@ def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
         assert overlap(answers[-1], scene.box(index + 9)) > 0.5
         assert answers[-1].detections[0].id == first.detections[0].id
         assert client.state_after(answers[-1])['state'] == 'tracking'
+        # Another target has another id.
+        assert client.change(init_box=[*scene.box(index + 10).as_array()])[0].successful
+        answers.append(client.send(scene.frame(index + 10), START + STEP * (index + 10)))
+        assert answers[-1].detections[0].id not in ('', first.detections[0].id)
     # When it ends cleanly, it saves the target as of the latest frame.
     state, latest = json.loads(path.read_text()), answers[-1].header.stamp
     assert state['stamp'] == latest.sec * 10**9 + latest.nanosec

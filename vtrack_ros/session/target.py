@@ -88,10 +88,13 @@ class Target:
         pending = self._selector.pending
         if self.estimate is not None or pending is not None and pending is not self.init_box:
             return False
-        seen = saved.measurement()
+        seen, id_text = saved.measurement(), saved.identity[1]
+        number = int(id_text) if id_text.isdecimal() else 0
         self._session.take_up(seen, saved.interval, saved.exemplar())
         self._selector.pending, self._shape = None, seen.frame.shape
         self.identity = saved.identity
+        # the next target has another number
+        self._count = max(self._count, number)
         box, before = seen.bound, saved.tracker
         tracker = self._session.tracker + (f' (was {before})' if before != self._session.tracker
                                            else '')
