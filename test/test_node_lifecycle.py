@@ -4,6 +4,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from node_harness import Client, diagnosis, NodeProcess, overlap, Scene, STEP
+from std_srvs.srv import Trigger
 
 SCENE = Scene()
 
@@ -63,6 +64,12 @@ def test_from_unconfigured_to_finalized():
         level, text, values = diagnosis(client, '/tracker: images', lambda *_: True)
         assert 'no image' in text and values['frames malformed'] == '1'
 
+        assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
+        # init_box was for the stream's first image, which has been.
+        assert client.ask('~/reset', Trigger).success
+        said = len(process.log)
+        assert change(client, Transition.TRANSITION_ACTIVATE) == State.PRIMARY_STATE_ACTIVE
+        assert 'init_box in the first' not in process.wait_for_log('select the target', said)
         assert change(client, Transition.TRANSITION_DEACTIVATE) == State.PRIMARY_STATE_INACTIVE
         assert change(client, Transition.TRANSITION_CLEANUP) == State.PRIMARY_STATE_UNCONFIGURED
         client.until(lambda: client.node.count_publishers('/pose') == 0, 'still publishes')

@@ -58,7 +58,7 @@ class Services:
         """Say how to select a target, or that `init_box` does so, or that there is one already."""
         if self._target.estimate is not None:
             return 'tracking of the target continues'
-        if self._node.init_box is not None:
+        if self._target.starts_on_init_box:
             return 'tracking starts on init_box in the first image'
         topics = ' or '.join(one.topic for one in self._inputs)
         name = self._node.get_fully_qualified_name()

@@ -56,6 +56,11 @@ class Target:
         """Return the state's name: waiting, tracking, searching or lost."""
         return 'waiting' if self.estimate is None else self.estimate.state.value
 
+    @property
+    def starts_on_init_box(self) -> bool:
+        """Whether `init_box` is going to be selected with the next frame."""
+        return self.init_box is not None and self._selector.pending is self.init_box
+
     def begin_stream(self, from_init_box: bool = True) -> None:
         """Forget the previous stream's target; by default select `init_box` in the new one."""
         self.forget()
