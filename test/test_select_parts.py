@@ -156,6 +156,30 @@ def test_it_closes_between_callbacks(monkeypatch):
     assert begun.is_set() and not raised
 
 
+def test_a_recording_that_takes_long(monkeypatch, tmp_path):
+    """A disk that answers late is named; the answer that comes then is no error."""
+    release, faults = threading.Event(), []
+
+    def slow(_, folder):
+        release.wait(PATIENCE)
+        return 'recording'
+    monkeypatch.setattr(Observer, 'record', slow)
+    monkeypatch.setattr('vtrack_ros.selecting.tracker_link.SERVICE_TIMEOUT', 0.1)
+
+    async def main():
+        asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
+        link = TrackerLink('/nobody', lambda: None, lambda text: None)
+        try:
+            with pytest.raises(TimeoutError, match=f'the disk of {tmp_path} is slow'):
+                await link.record(tmp_path)
+        finally:
+            release.set()
+            link.close()
+        await asyncio.sleep(0)
+    asyncio.run(main())
+    assert not faults
+
+
 def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
     """If a part of a viewer fails, its connection is closed and the error is logged."""
     async def broken(self):

@@ -86,20 +86,34 @@ class TrackerLink:
         """
         Start recording to a bag in a folder, or with None finish it; return a text that says so.
 
-        BagError if it can't be written, ModuleNotFoundError without rosbags.
+        BagError if it can't be written, ModuleNotFoundError without rosbags; TimeoutError if the
+        disk takes long, which doesn't undo it.
         """
         done: asyncio.Future[str] = self._loop.create_future()
 
+        def settle(text: str, error: Exception | None) -> None:
+            if done.done():
+                return
+            if error is None:
+                done.set_result(text)
+            else:
+                done.set_exception(error)
+
         def work() -> None:
+            text, fault = '', None
             try:
                 text = (self._observer.finish_recording() if folder is None else
                         self._observer.record(folder))
             except (OSError, ValueError, ModuleNotFoundError) as error:
-                self._loop.call_soon_threadsafe(done.set_exception, error)
-            else:
-                self._loop.call_soon_threadsafe(done.set_result, text)
+                fault = error
+            self._loop.call_soon_threadsafe(settle, text, fault)
         self._executor.create_task(work)
-        return await asyncio.wait_for(done, SERVICE_TIMEOUT)
+        try:
+            return await asyncio.wait_for(done, SERVICE_TIMEOUT)
+        except TimeoutError:
+            place = '' if folder is None else f' of {folder.absolute()}'
+            raise TimeoutError(f'the disk{place} is slow: it has not answered within '
+                               f'{SERVICE_TIMEOUT:g} s, and will when it can') from None
 
     def select_box(self, stamp: int, box: Box) -> None:
         """Select the target by a box on the image of a stamp [ns]; errors as `ask`."""
