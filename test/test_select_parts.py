@@ -23,6 +23,7 @@ from vtrack_ros.dds import leave
 from vtrack_ros.selecting.access import is_loopback
 from vtrack_ros.selecting.observer import Observer
 from vtrack_ros.selecting.parameter_inputs import parameter_inputs, parameter_value
+from vtrack_ros.selecting.recording import Recording
 from vtrack_ros.selecting.server import serve
 from vtrack_ros.selecting.tracker_link import TrackerLink
 
@@ -178,6 +179,13 @@ def test_a_recording_that_takes_long(monkeypatch, tmp_path):
         await asyncio.sleep(0)
     asyncio.run(main())
     assert not faults
+
+
+def test_recordings_of_the_same_second(tmp_path):
+    """Each has a name of its own."""
+    for count in range(1, 6):
+        Recording(tmp_path).finish()
+        assert len(list(tmp_path.iterdir())) == count
 
 
 def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):

@@ -22,7 +22,11 @@ class Recording:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._path = folder / time.strftime('recording_%Y%m%d_%H%M%S')
+        name = time.strftime('recording_%Y%m%d_%H%M%S')
+        self._path, number = folder / name, 1
+        while self._path.exists():
+            number += 1
+            self._path = folder / f'{name}_{number}'
         self._images = 0
         self._writer = BagWriter(self._path)
         self._writer.__enter__()
