@@ -30,6 +30,7 @@ class Scripted:
     """A mock tracker that returns, or raises, what is in `states`."""
 
     states: list = []
+    parameters: dict = {}
 
     def __init__(self):
         self.started = []
@@ -68,7 +69,8 @@ class Following:
     def __init__(self, box=None, history=None):
         self.log = Lines()
         self.history = history or FrameHistory(2.0, 16.0)
-        self.target = Target(TrackingSession(), self.history, self.log)
+        self.session = TrackingSession()
+        self.target = Target(self.session, self.history, self.log)
         self.target.set_init_box(box, 'parameter init_box')
 
     def update(self, frame, stamp):
@@ -141,6 +143,22 @@ def test_a_fault_of_the_tracker_forgets_the_target_and_no_more(scripted):
     assert 'LinAlgError: singular' in follow.log.said[-1] and follow.target.state_name == 'waiting'
     follow.target.select(selection())
     assert follow.update(frame(), 2 * STEP) is not None
+
+
+@pytest.mark.parametrize('ask', [
+    lambda session: session.change('dcf'), lambda session: session.restart()])
+def test_a_fault_of_a_new_tracker_is_not_raised(scripted, ask):
+    """A tracker that fails where it takes over gives up the target, and says why."""
+    follow = Following(Box(10, 10, 20, 20))
+    Scripted.states = [TrackState.SEARCHING, IndexError('far out')]
+    for index in range(2):
+        follow.update(frame(), index * STEP)
+    session = follow.session
+    ask(session)
+    assert session.estimate is None and session.failure == 'IndexError: far out'
+    follow.target.select(selection())
+    assert follow.update(frame(), 2 * STEP) is not None
+    assert session.restart() is not None and not session.failure
 
 
 def test_init_box_counts_at_the_beginning_of_a_stream(scripted):

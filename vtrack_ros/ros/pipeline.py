@@ -215,7 +215,8 @@ class Pipeline:
         if 'tracker' in names and self._target.estimate is None and self._state_name in (
                 'tracking', 'searching', 'lost'):
             self._log.warning(
-                f'{self._session.tracker} cannot start on the target: it is forgotten')
+                f'{self._session.tracker} cannot start on the target: it is forgotten '
+                f'({self._session.failure})')
         self._services.listen_to_detector(bool(settings['init_from_detections']))
         self._pose_publisher.offer()
         self._changed()

@@ -122,7 +122,7 @@ class Services:
         response.success = self._node.session.restart() is not None
         self._changed()
         response.message = ('restarted on the last measured box' if response.success else
-                            'there is no target to restart on; select one')
+                            self._failed('there is no target to restart on; select one'))
         return response
 
     def _on_resize(self, larger: bool, _: Any, response: Any) -> Any:
@@ -135,5 +135,10 @@ class Services:
         self._changed()
         response.message = (
             f'restarted on a box of {seen.box.width:.0f} x {seen.box.height:.0f} px' if seen else
-            'there is no target yet; select one')
+            self._failed('there is no target yet; select one'))
         return response
+
+    def _failed(self, without: str) -> str:
+        """Say why the tracker failed to restart, or, if there was no target, the given text."""
+        failure = self._node.session.failure
+        return f'it failed, and the target is forgotten: {failure}' if failure else without

@@ -53,6 +53,7 @@ class TrackingSession:
         self._exemplar: Exemplar | None = None
         self._interval = FrameIntervalEstimator()
         self._motion = MotionFilter()
+        self._failure = ''
 
     @property
     def tracker(self) -> str:
@@ -73,6 +74,11 @@ class TrackingSession:
     def exemplar(self) -> Exemplar | None:
         """Return what the target looked like when it was selected; None while there is none."""
         return self._exemplar
+
+    @property
+    def failure(self) -> str:
+        """Return why the tracker that took over last gave up the target; empty if it didn't."""
+        return self._failure
 
     @property
     def interval(self) -> float | None:
@@ -234,7 +240,7 @@ class TrackingSession:
     def _take_over(self, tracker: Tracker, afresh: bool = False) -> Estimate | None:
         """Start a new tracker on the last measurement, and update it with the latest frame."""
         seen, interval, exemplar = self._last_measurement, self._interval, self._exemplar
-        frame, stamp = self._frame, self._stamp
+        frame, stamp, self._failure = self._frame, self._stamp, ''
         if seen is None or frame is None:
             return None
         try:
@@ -242,12 +248,14 @@ class TrackingSession:
                 self._start(tracker, seen.frame, seen.stamp, seen.bound)
             else:
                 self._show(tracker, seen, exemplar)
-        except ValueError:
-            # A tracker may measure a box outside the image, where no tracker can start.
+            self._interval = interval
+            return self._estimate if frame is seen.frame else self.update(frame, stamp)
+        except Exception as error:
+            # A tracker may measure a box outside the image, where no tracker can start. And no
+            # failure of one, such as another package's, may leave a request without an answer.
             self.forget()
+            self._failure = f'{type(error).__name__}: {error}'
             return None
-        self._interval = interval
-        return self._estimate if frame is seen.frame else self.update(frame, stamp)
 
 
 def _checked(owner: str, values: Mapping[str, Any]) -> dict[str, Value]:
