@@ -121,6 +121,12 @@ def test_wrong_calls_are_refused_and_do_no_harm(name):
         tracker.start(frames[0], Box(400, 10, 20, 20))
     with pytest.raises(TypeError, match='Box'):
         tracker.start(frames[0], (1, 2, 3, 4))
+    for side in (1.1e6, 1.5e300):
+        with pytest.raises(ValueError, match='at most 1000000 pixels'):
+            tracker.start(frames[0], Box(20 - side / 2, 10, side, 20))
+    for wrong in ('1', None, [1.0]):
+        with pytest.raises(TypeError, match='dt must be a number'):
+            tracker.update(frames[1], wrong)
     for dt in (0.0, -1.0, float('nan'), float('inf'), 1e-110, 0.9e-9, 1.1e9, 1e150, 10**400):
         with pytest.raises(ValueError, match='dt must be a number .* from 1e-09 to 1e\\+09, not '):
             tracker.update(frames[1], dt)

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 import enum
+from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,8 @@ from vtrack_ros.parameters import ParameterTable, Value
 #: Bounds of the time between two frames, in frame intervals: beyond them numbers under- or
 #: overflow in the filters.
 SHORTEST_DT, LONGEST_DT = 1e-9, 1e9
+#: The greatest side of a target's box, in pixels: no image's side is longer.
+GREATEST_SIDE = 1e6
 
 
 class TrackState(enum.Enum):
@@ -140,7 +143,8 @@ class Tracker(ABC):
         TypeError
             If the frame isn't an ndarray of uint8, or the box isn't a Box.
         ValueError
-            If the frame has another shape, or no pixel of the box is inside it.
+            If the frame has another shape, no pixel of the box is inside it, or a side of the
+            box is longer than a million pixels.
 
         """
         frame = checked_frame(frame)
@@ -176,9 +180,11 @@ class Tracker(ABC):
             raise ValueError(
                 f'frame shape changed from {self._frame_shape} to {frame.shape}: '
                 'call start again with a box in the new frame')
+        valid = f'a number of frame intervals from {SHORTEST_DT:g} to {LONGEST_DT:g}'
+        if not isinstance(dt, Real):
+            raise TypeError(f'dt must be {valid}, not {dt!r}')
         if not SHORTEST_DT <= dt <= LONGEST_DT:
-            raise ValueError(f'dt must be a number of frame intervals from {SHORTEST_DT:g} to '
-                             f'{LONGEST_DT:g}, not {dt!r}')
+            raise ValueError(f'dt must be {valid}, not {dt!r}')
         return self._update(frame, float(dt))
 
     def _prepare(self, values: dict[str, Value]) -> None:
@@ -212,7 +218,7 @@ def checked_frame(frame: Any) -> Frame:
 
 
 def checked_box(box: Any, frame: Frame) -> None:
-    """Check that a box is a Box (TypeError) with a part inside a frame (ValueError)."""
+    """Check that a box is a Box (TypeError), not too large, and partly inside (ValueError)."""
     if not isinstance(box, Box):
         raise TypeError(f'box must be a Box(x, y, width, height), not {type(box).__name__}')
     height, width = frame.shape[:2]
@@ -221,3 +227,6 @@ def checked_box(box: Any, frame: Frame) -> None:
         raise ValueError(
             f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g}) has no pixel inside '
             f'the image of {width} x {height}')
+    if max(box.width, box.height) > GREATEST_SIDE:
+        raise ValueError(f'box is {box.width:g} x {box.height:g}: width and height must be at '
+                         f'most {GREATEST_SIDE:.0f} pixels')

@@ -18,8 +18,8 @@ from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.exemplar import Exemplar, LONGEST_SIDE, surroundings
 from vtrack_ros.session.last_measurement import LastMeasurement
-from vtrack_ros.session.selection import GREATEST_SIDE
 from vtrack_ros.session.session import TrackingSession
+from vtrack_ros.tracker import GREATEST_SIDE
 
 #: How the text of a saved target begins; any other text is rejected.
 MARK = '{"format": "vtrack_ros target 1"'

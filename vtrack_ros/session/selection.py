@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from vtrack_ros.appearance.extent import find_extent
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.history import FrameHistory, seconds
+from vtrack_ros.tracker import GREATEST_SIDE
 from vtrack_ros.trackers import Frame
 
 #: How far ahead of the newest frame a selection may be stamped, in nanoseconds; further if the
@@ -12,8 +13,6 @@ from vtrack_ros.trackers import Frame
 LEAST_AHEAD = 500_000_000
 #: The shortest side of a box that can be followed, in pixels.
 LEAST_SIDE = 2.0
-#: The greatest side of a target's box, in pixels: no image's side is longer.
-GREATEST_SIDE = 1e6
 
 
 @dataclass(frozen=True)
