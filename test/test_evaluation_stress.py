@@ -9,7 +9,7 @@ import pytest
 
 from vtrack_ros.evaluation.sequences import read_folder
 from vtrack_ros.evaluation.stress import stress, stressed_sequence
-from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
+from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 
 FRAMES = 40
 OF_FRAMES = [name for name, kind in STRESS_KINDS.items() if kind.plan is not None]
@@ -176,7 +176,8 @@ def test_plain_is_the_original(square):
 
 
 @pytest.mark.parametrize(('kind', 'severity', 'message'), [
-    ('rain', 1, "unknown kind of stress 'rain'; valid are all, rate, gaps"),
+    ('rain', 1, "unknown kind of stress 'rain'; valid are plain, rate, gaps"),
+    ('all', 1, "unknown kind of stress 'all'; valid are plain, rate, gaps"),
     ('particles', 20, 'particles is a parameter of the trackers'),
     ('shake', 0, 'the severity of shake must be positive, not 0'),
     ('gaps', 25, 'the severity of gaps must be below 25 frames, not 25'),
@@ -185,6 +186,16 @@ def test_wrong_stress(square, kind, severity, message):
     """The error says what is wrong, and what is valid."""
     with pytest.raises(ValueError, match=message):
         stress(square, kind, severity)
+
+
+def test_kinds_of_a_list():
+    """Each kind is taken once; `all` is every kind, also among others; a wrong one is named."""
+    assert stress_kinds('rate, gaps,rate') == ('rate', 'gaps')
+    assert stress_kinds('all') == stress_kinds('all,rate') == tuple(STRESS_KINDS)
+    with pytest.raises(ValueError, match="unknown kind of stress 'rain'; valid are all, rate"):
+        stress_kinds('all,rain')
+    with pytest.raises(ValueError, match='no kind of stress is given; valid are all, rate'):
+        stress_kinds(' ,')
 
 
 def test_manual_names_every_kind(repository):

@@ -211,15 +211,18 @@ STRESS_KINDS = {kind.name: kind for kind in _ALL}
 
 
 def stress_kinds(text: str) -> tuple[str, ...]:
-    """Return the kinds of a comma-separated list, or `all`; ValueError if one is unknown."""
+    """
+    Return the kinds of a comma-separated list.
+
+    If one of them is `all`, that's every kind. ValueError if one is unknown, or none is given.
+    """
     names = tuple(dict.fromkeys(filter(None, (name.strip() for name in text.split(',')))))
-    if names == ('all',):
-        return tuple(STRESS_KINDS)
-    for name in names:
-        _kind(name)
     if not names:
         raise ValueError('no kind of stress is given; valid are all, ' + ', '.join(STRESS_KINDS))
-    return names
+    for name in names:
+        if name != 'all':
+            _kind(name, 'all')
+    return tuple(STRESS_KINDS) if 'all' in names else names
 
 
 def planned(footage: Footage, kind: str, severity: float, seed: int) -> (
@@ -231,7 +234,7 @@ def planned(footage: Footage, kind: str, severity: float, seed: int) -> (
     nothing. ValueError if the kind is unknown or changes no frames, or the severity isn't
     positive.
     """
-    plan = _plain if kind == 'plain' else _kind(kind).plan
+    plan = _plain if kind == 'plain' else _kind(kind, 'plain').plan
     if plan is None:
         raise ValueError(f'{kind} is a parameter of the trackers, and changes no frame')
     if kind != 'plain' and not severity > 0:
@@ -246,8 +249,9 @@ def _plain(footage: Footage, severity: float, rng: np.random.Generator) -> Stres
     return edited(footage, lambda index, frame, rng: frame)
 
 
-def _kind(name: str) -> StressKind:
+def _kind(name: str, besides: str) -> StressKind:
+    """Return a kind; `besides` is what the caller takes besides the kinds."""
     if name not in STRESS_KINDS:
         raise ValueError(
-            f'unknown kind of stress {name!r}; valid are all, ' + ', '.join(STRESS_KINDS))
+            f'unknown kind of stress {name!r}; valid are ' + ', '.join([besides, *STRESS_KINDS]))
     return STRESS_KINDS[name]
