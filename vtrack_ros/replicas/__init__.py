@@ -9,7 +9,8 @@ for tracking use `vtrack_ros.trackers`.
 from vtrack_ros.replicas.affine_filters import (
     AffineKeypointReplica, AffineReplica, SubspaceReplica)
 from vtrack_ros.replicas.box_filter import CondensationReplica
-from vtrack_ros.replicas.ellipse_tracker import MeanShiftParticleReplica, MeanShiftReplica
+from vtrack_ros.replicas.ellipse_particles import MeanShiftParticleReplica
+from vtrack_ros.replicas.ellipse_tracker import MeanShiftReplica
 from vtrack_ros.replicas.grey_filter import GreyReplica
 from vtrack_ros.replicas.measured_filters import (
     KalmanReplica, PrunedQuadratureReplica, QuadratureReplica, UnscentedReplica)

@@ -1,4 +1,4 @@
-"""ABMSPF and ABMS: mean shift on an ellipse's colours, with and without a few particles."""
+"""ABMS: mean shift on an ellipse's colours, with an adaptive bandwidth."""
 
 from dataclasses import dataclass
 import math
@@ -10,19 +10,15 @@ from vtrack_ros.frame import Array, Frame, Point
 from vtrack_ros.geometry import Box
 from vtrack_ros.geometry.ellipse import (
     axes_of_bandwidth, bounded, bounds_of_bandwidth, SIGMA, turned)
-from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
-from vtrack_ros.localisation.mean_shift import fuse
 from vtrack_ros.localisation.presence import logistic, state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.ellipse_colours import EllipseColours
 from vtrack_ros.tracker import Estimate, Tracker
 
-#: Frames of local search after which the whole frame is searched [Yin2013, step 9].
-_LOCAL_FRAMES = 10
-#: Number of candidates of a local search.
-_CANDIDATES = 20
 #: Largest number of a frame's pixels that are searched for blobs, and of blobs that are matched.
 _SAMPLES, _BLOBS = 20000, 12
+#: Largest number of iterations of eq. 11 as printed; a change, relative to the axes, that ends it.
+_ITERATIONS, _STILL = 10, 0.01
 #: Range of the axes' mean relative to the first one; largest factor by which their ratio changes.
 _SIZES, _ASPECT = (0.3, 4.0), 1.6
 #: Share of the measured change of form (on a logarithmic scale) that is applied per frame, if the
@@ -46,8 +42,9 @@ _MEAN_SHIFT = ParameterTable([
     Parameter('background', True, 'Reduce the weight of colours that also surround the target; '
               'off with as_printed. Takes effect with the next target or ~/reinit.'),
     Parameter('learning', 0.0, 'Learning rate of colours at high similarity; 0: none.', 0.0, 1.0),
-    Parameter('as_printed', False, 'No weights for the background, and the bandwidth matrix of '
-              'eq. 11 as printed. Takes effect with the next target or ~/reinit.'),
+    Parameter('as_printed', False, 'The steps as printed: no weights for the background, one step '
+              'of mean shift, eq. 11 iterated, no particle at th or below, fusion after a search. '
+              'Takes effect with the next target or ~/reinit.'),
 ])
 
 
@@ -68,19 +65,25 @@ class MeanShiftReplica(Tracker):
     corrected, for the method can't be run with them: eq. 2's denominator lacks the weights and has
     a factor `s` too many; eq. 10 has `h11 - h12` for `h11 - h22`.
 
-    Corrected:
+    Otherwise than in the paper:
 
     - Colours that the first surroundings share are weighted down, in the manner of Comaniciu et
       al. (2003); without this the bandwidth follows the background (`background`).
     - Eq. 11 lets an unchanged target grow by sigma^2 / 4: its moment is taken relative to the
-      first one. The matrix changes by at most `growth` per frame, and less the more colours the
-      target shares with its surroundings. It's constant while the similarity is below the mean of
-      th and r, and reset to the last one with similarity th or more when the target is lost: the
-      part that an occluder leaves visible isn't the target's form.
+      first one. The matrix changes once, by at most `growth`, per frame, and less the more colours
+      the target shares with its surroundings. It's constant while the similarity is below the mean
+      of th and r, and reset to the last one with similarity th or more when the target is lost:
+      the part that an occluder leaves visible isn't the target's form.
+    - Mean shift goes on to the maximum, ten steps at most, instead of one step (step 3).
+    - The step that eq. 16 repeats is smoothed, and forgotten after a search.
 
-    `as_printed` undoes both: no weights, and the matrix is eq. 11's in every frame (step 4), one
-    iteration per frame. The bounds relative to the first matrix stay, or an ellipse on a
-    background of the same colours would grow without end.
+    `as_printed` undoes all: no weights, one step of mean shift, at whose end the similarity is
+    measured (step 3), eq. 11 iterated there (step 4), the last step repeated. Readings: y_ms is
+    the end of that one step, for ABMS alone too, which has no steps of its own in print; eq. 11
+    ends when the axes change by less than 1 %, or after ten iterations; a search is made with the
+    matrix of the frame before (sec. 2.4), which stays if the target is found. The bounds relative
+    to the first matrix stay, or an ellipse on a background of the same colours would grow without
+    end.
     """
 
     NAME = 'abms_paper'
@@ -112,22 +115,27 @@ class MeanShiftReplica(Tracker):
         return self._estimate(frame, 1.0, self._drawn(0.0))
 
     def _update(self, frame: Frame, dt: float) -> Estimate:
-        points = self._drawn(dt)
+        points, before = self._drawn(dt), self._matrix
         self.stage = 'track'
         match = None if self._searched_frames else self._tracked(frame, points)
         expected = self._center
+        # nothing crosses the picture in less than a frame; a tiny `dt` would give any velocity
+        limit = max(frame.shape[:2])
         if match is None or match.zeta <= self._rejected:
-            if not self._as_printed:
-                self._matrix = self._trusted
+            self._matrix = before if self._as_printed else self._trusted
             match, expected = self._search(frame, dt, points)
         if match is None:
             self.stage = 'none'
             self._searched_frames += dt
-            self._velocity *= 0.9**dt
+            self._velocity = (
+                np.clip((expected - self._center) / dt, -limit, limit) if self._as_printed
+                else self._velocity * 0.9**dt)
             self._center = _inside(expected, frame)
             return self._estimate(frame, 0.0, points)
         step = (match.place - self._center) / dt
-        self._velocity = np.zeros(2) if self._searched_frames else (self._velocity + step) / 2
+        if not self._as_printed:
+            step = np.zeros(2) if self._searched_frames else (self._velocity + step) / 2
+        self._velocity = np.clip(step, -limit, limit)
         self._searched_frames = 0.0
         self._center = _inside(match.place, frame)
         if match.zeta >= self._accepted:
@@ -141,8 +149,28 @@ class MeanShiftReplica(Tracker):
 
     def _tracked(self, frame: Frame, points: Array) -> Match | None:
         """Return the match near the last place; None if mean shift and particles contradict."""
-        climbed = self._colours.climb(frame, self._center, self._matrix)
-        return Match(climbed, float(self._score(frame, climbed[None])[0]))
+        climbed = self._climbed(frame)
+        zeta = float(self._score(frame, climbed[None])[0])
+        if self._as_printed:
+            self._matrix = self._iterated(frame, climbed)
+        return Match(climbed, zeta)
+
+    def _climbed(self, frame: Frame) -> Array:
+        """Return mean shift's place, (2,): a maximum, or as printed the end of one step."""
+        return self._colours.climb(
+            frame, self._center, self._matrix, 1 if self._as_printed else 10)
+
+    def _iterated(self, frame: Frame, center: Array) -> Array:
+        """Return the matrix at the end of the iteration of eq. 11 as printed (step 4)."""
+        matrix = self._matrix
+        for _ in range(_ITERATIONS):
+            before = matrix
+            matrix = bounded(
+                matrix @ self._colours.printed_growth(frame, center, matrix), self._first, _SIZES,
+                _ASPECT)
+            if np.abs(matrix - before).max() < _STILL * np.abs(matrix).max():
+                break
+        return matrix
 
     def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
         """Search for the target; also return the place, shape (2,), to report if it fails."""
@@ -186,15 +214,14 @@ class MeanShiftReplica(Tracker):
         """Let bandwidth and colours follow the target, within bounds."""
         growth, rate = float(self._parameters['growth']), float(self._parameters['learning'])
         center, matrix = self._center, self._matrix
-        if self._as_printed:
-            matrix = matrix @ self._colours.printed_growth(frame, center, matrix)
-        elif growth and zeta >= (self._rejected + self._accepted) / 2:
+        followed = growth > 0 and zeta >= (self._rejected + self._accepted) / 2
+        if followed and not self._as_printed:
             values, vectors = np.linalg.eigh(self._colours.growth(frame, center, matrix))
             gain = _GAIN * self._colours.separation**2
             values = np.clip(values**gain, 1 / (1 + growth), 1 + growth)
-            matrix = matrix @ (vectors * values) @ vectors.T
-        if matrix is not self._matrix:
-            self._matrix = bounded(matrix, self._first, _SIZES, _ASPECT)
+            self._matrix = bounded(
+                matrix @ (vectors * values) @ vectors.T, self._first, _SIZES, _ASPECT)
+        if followed or self._as_printed:
             self._angle = self._orientation(self._angle + self._first_angle) - self._first_angle
         if rate and zeta >= self._accepted:
             self._colours = self._colours.updated(frame, center, self._matrix, rate)
@@ -218,7 +245,7 @@ class MeanShiftReplica(Tracker):
 
     def _estimate(self, frame: Frame, zeta: float, points: Array) -> Estimate:
         searched = self._searched_frames
-        box = bounds_of_bandwidth(_point(self._center), self._bandwidth)
+        box = bounds_of_bandwidth(as_point(self._center), self._bandwidth)
         offsets = _STENCIL @ self._matrix.T
         scores = self._score(frame, self._center + offsets)
         weights = np.exp(-(scores.max() - scores) / (2 * _LIKELIHOOD_WIDTH**2))
@@ -235,66 +262,10 @@ class MeanShiftReplica(Tracker):
             particles=np.concatenate([points, sizes], 1) if len(points) else None)
 
 
-class MeanShiftParticleReplica(MeanShiftReplica):
-    """
-    ABMSPF, adaptive-bandwidth mean shift fused with few particles [Yin2013].
-
-    Mean shift gives one place, the best of a few particles another; they are fused by their
-    distance and the similarity (eqs 13-15). The particles converge on the result and are redrawn
-    about it (sec. 2.2). If the two contradict each other, or neither is similar to the target, a
-    search in three stages begins (sec. 2.4): one step ahead, near it, and after ten frames in the
-    whole frame. While it fails, the particles' mean about the forecast is reported: the best one
-    would be the most similar piece of background. Corrections are as in `MeanShiftReplica`.
-    """
-
-    NAME = 'abmspf_paper'
-    SUMMARY = 'adaptive-bandwidth mean shift with particles (ABMSPF) of Yin et al. 2013'
-    PARAMETERS = _MEAN_SHIFT + MEAN_SHIFT_PARTICLES
-
-    def _drawn(self, dt: float) -> Array:
-        values = self._parameters
-        forecast = self._center + dt * float(values['inertia']) * self._velocity
-        uniform = self._rng.uniform(-1.0, 1.0, (int(values['particles']), 2))
-        return forecast + float(values['region']) * uniform * self._half_sides
-
-    def _tracked(self, frame: Frame, points: Array) -> Match | None:
-        climbed = self._colours.climb(frame, self._center, self._matrix)
-        scores = self._score(frame, np.concatenate([climbed[None], points]))
-        zeta, scores = float(scores[0]), scores[1:]
-        best = points[int(scores.argmax())]
-        far = axes_of_bandwidth(self._bandwidth)[0]
-        place = fuse(
-            zeta, _point(climbed), _point(best), SIGMA, far, self._accepted, self._rejected)
-        if place is None:
-            return None
-        if zeta < self._accepted:
-            zeta = max(zeta, float(scores.max()))
-        return Match(np.array(place), zeta)
-
-    def _search(self, frame: Frame, dt: float, points: Array) -> tuple[Match | None, Array]:
-        self.stage = 'ahead'
-        ahead = self._center + dt * self._velocity
-        match = self._best_match(frame, ahead[None])
-        if match is not None:
-            return match, ahead
-        self.stage = 'near'
-        searched = self._searched_frames
-        reach = float(self._parameters['region']) * (1 + 0.2 * min(searched, 2 * _LOCAL_FRAMES))
-        spread = self._rng.uniform(-1.0, 1.0, (_CANDIDATES, 2)) * self._half_sides
-        candidates = np.concatenate([ahead + reach * spread, points])
-        scores = self._score(frame, candidates)
-        match = self._matched(frame, candidates, scores)
-        if match is None and searched > _LOCAL_FRAMES:
-            self.stage = 'everywhere'
-            match = self._best_match(frame, self._blobs(frame))
-        # the particles' mean, weighted with their similarity [Yin2013, eq. 12]
-        weights = scores[_CANDIDATES:] + 0.1
-        return match, weights @ points / weights.sum()
-
-
 def _inside(center: Array, frame: Frame) -> Array:
     return np.clip(center, 0.0, np.subtract(frame.shape[1::-1], 1.0))
 
 
-def _point(place: Array) -> Point:
+def as_point(place: Array) -> Point:
+    """Return a place, shape (2,), as (x, y)."""
     return float(place[0]), float(place[1])
