@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -47,6 +48,29 @@ def test_run_k_is_seed_k_on_its_film_and_is_kept(from_benchmarks, tmp_path):
         np.testing.assert_array_equal(before.run.boxes, after.run.boxes)
     assert outcomes.figures(runs[0])['error'].shape == (3,)
     assert laboratory.video('David') == []
+
+
+def test_all_trackers_follow_by_one_standard(from_benchmarks):
+    """A box on the target follows it, in any state and of any tracker; the state is beside it."""
+    films = from_benchmarks('paper_experiments.films')
+    outcomes = from_benchmarks('paper_experiments.outcomes')
+    yin = from_benchmarks('paper_experiments.yin')
+    truth = np.full((130, 4), 20.0)
+    film = SimpleNamespace(truth=truth)
+
+    def runs(tracking):
+        return [films.Outcome(film, SimpleNamespace(
+            boxes=truth, measured=np.full(130, tracking), cpu_ms=np.ones(130)))] * 10
+
+    measured = {label: runs(label == yin.PF) for label in yin.TRACKERS}
+    laboratory = SimpleNamespace(films=lambda *_, **__: [], measure=lambda *_: measured)
+    result = outcomes.Experiment()
+    yin._light(laboratory, result, 0.5)
+    dim, end = result.claims
+    assert dim[2] == 'ABMS lost: does not hold; ABMSPF follows: 20 holds, 10 holds'
+    assert end[2] == 'PF 200 lost: does not hold; ABMSPF follows: 20 holds, 10 holds'
+    for says in (dim[1], end[1]):
+        assert 'ABMS 1.00 (0.72 to 1.00)' in says and 'ABMS 0.00, PF 200 1.00' in says
 
 
 def test_one_seed_gives_json_and_a_page(from_benchmarks, tmp_path):
