@@ -119,7 +119,8 @@ In drawn films of {WIDTH}x{HEIGHT} pixels the camera approaches its target, or m
 by the same factor in each frame. The header gives the target's side in the first and last frame.
 Each cell is the mean overlap of all frames, then that of the last {LAST}; both are means over
 {arguments.seeds} films with different textures. The only constants chosen on these films are the
-bounds of the size, a twentieth and twenty times the first one.
+bounds of the size, a twentieth and twenty times the first one. Where the camera sees beyond the
+drawn world, that is mirrored: below 46 px of the target, mirrored copies of it are in view.
 
 {facts_text(environment())}
 
