@@ -1,6 +1,7 @@
 """Parts of the page: access, parameter inputs, and its link to the node."""
 
 import asyncio
+from contextlib import contextmanager
 import sys
 import threading
 import time
@@ -57,20 +58,29 @@ def test_inputs_from_descriptors():
             parameter_value(kind, value)
 
 
-def test_an_answer_that_comes_before_its_image_is_shown_with_it():
-    """Until its image comes, the previous image is shown, with its own box."""
+@contextmanager
+def observed():
+    """Yield a node called tracker, its observer's executor, and the pictures that this shows."""
     context = Context()
     rclpy.init(context=context)
     tracker, watcher = (Node(name, context=context) for name in ('tracker', 'watcher'))
-    images = tracker.create_publisher(Image, '/image', 10)
-    answers = tracker.create_publisher(Detection2DArray, '/detections', 10)
-    tracker.create_subscription(Image, '/image', lambda _: None, 10)
-    executor, changes = SingleThreadedExecutor(context=context), []
+    executor, shown = SingleThreadedExecutor(context=context), []
     for node in (tracker, watcher):
         executor.add_node(node)
-    observer = Observer(watcher, '/tracker', lambda: changes.append(observer.picture()), print)
+    observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print)
     observer.watched = True
+    try:
+        yield tracker, executor, shown
+    finally:
+        executor.shutdown()
+        observer.destroy()
+        for node in (tracker, watcher):
+            leave(node)
+        rclpy.try_shutdown(context=context)
 
+
+def test_an_answer_that_comes_before_its_image_is_shown_with_it():
+    """Until its image comes, the previous image is shown, with its own box."""
     def stamped(message, second):
         message.header.stamp.sec = second
         return message
@@ -91,7 +101,10 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
         box = BoundingBox2D(size_x=2.0 * second, size_y=2.0 * second)
         return stamped(Detection2DArray(detections=[Detection2D(results=[result], bbox=box)]),
                        second)
-    try:
+    with observed() as (tracker, executor, changes):
+        images = tracker.create_publisher(Image, '/image', 10)
+        answers = tracker.create_publisher(Detection2DArray, '/detections', 10)
+        tracker.create_subscription(Image, '/image', lambda _: None, 10)
         deadline = time.monotonic() + PATIENCE
         while not (images.get_subscription_count() == 2 and answers.get_subscription_count()):
             assert time.monotonic() < deadline
@@ -100,25 +113,11 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
         assert seen(answers, answer(1)) == (1, [-1.0, -1.0, 2.0, 2.0])
         assert seen(answers, answer(2)) == (1, [-1.0, -1.0, 2.0, 2.0])
         assert seen(images, stamped(Image(), 2)) == (2, [-2.0, -2.0, 4.0, 4.0])
-    finally:
-        executor.shutdown()
-        observer.destroy()
-        for node in (tracker, watcher):
-            leave(node)
-        rclpy.try_shutdown(context=context)
 
 
 def test_a_node_that_comes_back_with_another_topic_is_followed():
     """As one whose remap was wrong; its images may be below its own name, too."""
-    context = Context()
-    rclpy.init(context=context)
-    tracker, watcher = (Node(name, context=context) for name in ('tracker', 'watcher'))
-    executor, shown = SingleThreadedExecutor(context=context), []
-    for node in (tracker, watcher):
-        executor.add_node(node)
-    observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print)
-    observer.watched = True
-    try:
+    with observed() as (tracker, executor, shown):
         for topic, kind in (('/image', Image), ('/image_raw', Image),
                             ('/tracker/compressed', CompressedImage)):
             images = tracker.create_publisher(kind, topic, 10)
@@ -130,12 +129,6 @@ def test_a_node_that_comes_back_with_another_topic_is_followed():
                 images.publish(kind())
                 executor.spin_once(timeout_sec=0.1)
             tracker.destroy_subscription(subscription)
-    finally:
-        executor.shutdown()
-        observer.destroy()
-        for node in (tracker, watcher):
-            leave(node)
-        rclpy.try_shutdown(context=context)
 
 
 def test_it_closes_between_callbacks(monkeypatch):
