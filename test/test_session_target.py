@@ -161,6 +161,17 @@ def test_a_fault_of_a_new_tracker_is_not_raised(scripted, ask):
     assert session.restart() is not None and not session.failure
 
 
+def test_an_earlier_fault_is_not_told_again(scripted):
+    """Where there's no target to resize, that is so without any failure."""
+    follow = Following(Box(10, 10, 20, 20))
+    Scripted.states = [TrackState.SEARCHING, IndexError('far out')]
+    for index in range(2):
+        follow.update(frame(), index * STEP)
+    session = follow.session
+    assert session.restart() is None and session.failure == 'IndexError: far out'
+    assert session.resize(True) is None and not session.failure
+
+
 def test_init_box_counts_at_the_beginning_of_a_stream(scripted):
     """It's selected once per stream, and again in the next one, unless told otherwise."""
     follow = Following(Box(10, 10, 20, 20))

@@ -77,7 +77,7 @@ class TrackingSession:
 
     @property
     def failure(self) -> str:
-        """Return why the tracker that took over last gave up the target; empty if it didn't."""
+        """Return why the tracker last asked to take over gave up the target; empty if none did."""
         return self._failure
 
     @property
@@ -145,7 +145,7 @@ class TrackingSession:
         It's found where the target was last measured; see `next_extent`. Returns None without a
         target; ValueError if there's no such extent, then the target is tracked as before.
         """
-        seen = self._last_measurement
+        seen, self._failure = self._last_measurement, ''
         if seen is None:
             return None
         box = next_extent(seen.frame, seen.bound, larger)
