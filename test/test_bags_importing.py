@@ -1,5 +1,7 @@
 """Bags of image folders and of videos."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -47,6 +49,16 @@ def test_sequence_folder(tmp_path, inner, separator):
     assert [image.stamp for image in images] == stamps
     assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, pictures()))
     assert [truth[stamp] for stamp in stamps] == boxes
+
+
+@pytest.mark.parametrize('inside, path', [('img', '.'), ('img/deeper', '..'), ('', 'img')])
+def test_a_relative_folder(tmp_path, monkeypatch, inside, path):
+    """The truth beside a folder is found however its path is written."""
+    write_folder(tmp_path / 'img')
+    (tmp_path / 'img' / 'deeper').mkdir()
+    (tmp_path / 'groundtruth_rect.txt').write_text('1,2,3,4\n' * COUNT)
+    monkeypatch.chdir(tmp_path / inside)
+    assert open_source(Path(path)).truth == (Box(1, 2, 3, 4),) * COUNT
 
 
 def test_plain_folder(tmp_path):

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 import math
+import os
 from pathlib import Path
 
 import cv2
@@ -78,7 +79,9 @@ def open_source(path: Path, truth: Path | None = None, without_truth: bool = Fal
     rate = announced = None
     if path.is_dir():
         images = image_files(path)
-        places = (path / f'{GROUND_TRUTH}.txt', path.parent / f'{GROUND_TRUTH}.txt')
+        # `.` and `..` are their own parents to Path
+        parent = Path(os.path.abspath(path)).parent
+        places = (path / f'{GROUND_TRUTH}.txt', parent / f'{GROUND_TRUTH}.txt')
         truth = truth or next((place for place in places if place.is_file()), None)
     else:
         rate, announced = _video_header(path)
