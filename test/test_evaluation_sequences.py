@@ -27,6 +27,14 @@ def test_folder(tmp_path):
     assert sequence.first_box == Box(*truth_of(0))
 
 
+@pytest.mark.parametrize('inside, path', [('', '.'), ('img', '..'), ('img', '../../Square')])
+def test_a_relative_folder_has_its_own_name(tmp_path, monkeypatch, inside, path):
+    """A target is named as its folder, however the folder's path is written."""
+    folder = write_sequence(tmp_path / 'Square')
+    monkeypatch.chdir(folder / inside)
+    assert [one.name for one in find_sequences(Path(path))[0]] == ['Square']
+
+
 def test_second_ground_truth_is_a_second_target(tmp_path):
     """`groundtruth_rect.2.txt` makes NAME.2, in the same video."""
     folder = write_sequence(tmp_path / 'Pair')

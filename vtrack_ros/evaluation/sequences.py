@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 import hashlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -107,13 +108,15 @@ def read_folder(folder: Path) -> list[FolderSequence]:
     if not files:
         raise SequenceError(f'{folder}: no {GROUND_TRUTH}.txt')
     result = []
+    # `.` has no name to Path, and stress depends on the name
+    name = os.path.basename(os.path.abspath(folder))
     for path in files:
         suffix = path.name.removeprefix(GROUND_TRUTH).removesuffix('.txt')
         truth = truth_rows(read_ground_truth(path))
         if len(truth) != len(images):
             raise SequenceError(
                 f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
-        result.append(FolderSequence(folder.name + suffix, truth, images))
+        result.append(FolderSequence(name + suffix, truth, images))
     return result
 
 
