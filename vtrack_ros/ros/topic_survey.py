@@ -160,5 +160,8 @@ def _name(one: Any) -> str:
 def _mismatch(offer: Any, reader: Any) -> str:
     if offer.topic_type != reader.topic_type:
         return f'it publishes {offer.topic_type}, not {reader.topic_type}'
+    # the reason is such as 'ERROR: one fault;ERROR: another;'
     compatibility, reason = qos_check_compatible(offer.qos_profile, reader.qos_profile)
-    return str(reason) if compatibility == QoSCompatibility.ERROR else ''
+    faults = [fault for each in str(reason).split(';')
+              if (fault := each.removeprefix('ERROR: ').strip())]
+    return ', '.join(faults) if compatibility == QoSCompatibility.ERROR else ''
