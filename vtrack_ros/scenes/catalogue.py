@@ -49,7 +49,7 @@ _SCENES = (
               'occludes a part of the face later.', 320, 240, 130, faces.light_step),
     SceneInfo('full_occlusion', 'A walker is hidden by a kiosk for about twenty frames.',
               320, 240, 140, people.full_occlusion),
-    SceneInfo('car_approach', 'A car among similar cars approaches, grows fourfold and passes '
+    SceneInfo('car_approach', 'A car among similar cars approaches, grows fivefold and passes '
               'behind a lamp post.', 384, 288, 200, traffic.car_approach),
     SceneInfo('helicopter', 'A helicopter over a town, at changing distances and angles, partly '
               'occluded about frame 281.', 320, 240, 780, traffic.helicopter),

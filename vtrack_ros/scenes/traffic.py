@@ -40,7 +40,7 @@ def _post(unit: float, height: float) -> Sprite:
 
 
 def car_approach(view: View, rng: np.random.Generator) -> Scene:
-    """Return a car that comes near and grows fourfold, behind a lamp post, among similar cars."""
+    """Return a car that comes near and grows fivefold, behind a lamp post, among similar cars."""
     ground = Ground(84, 0.0125, 140)
     backdrop = outdoor.road(view, ground, rng.spawn(1)[0])
     near = 2.1 * _METRE * view.unit
