@@ -159,8 +159,11 @@ def test_wrong_bags(tmp_path, repository: Path, capsys):
     out = ['--out', tmp_path / 'out']
     assert '--topic' in complaint(['replay', tmp_path / 'two', *out], capsys)
     assert '--init' in complaint(['replay', tmp_path / 'two', '--topic', 'left', *out], capsys)
-    beyond = ['--topic', 'left', '--init', '90,90,5,5']
-    assert 'no pixel' in complaint(['replay', tmp_path / 'two', *out, *beyond], capsys)
+    # as the node would refuse them
+    for init, why in (('90,90,5,5', 'no pixel'), ('5,5,1,1', 'at least 2 px'),
+                      ('-9,5,12,8', 'centre must be inside')):
+        wrong = ['--topic', 'left', '--init', init]
+        assert why in complaint(['replay', tmp_path / 'two', *out, *wrong], capsys)
 
 
 def test_import_to_no_topic(tmp_path, capsys):

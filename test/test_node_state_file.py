@@ -54,6 +54,7 @@ def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
         client.ready()
         answers = [client.send(scene.frame(i), START + STEP * i)
                    for i in range(index, index + 10)]
+        process.wait_for_log('the target of state_file is looked for in the first')
         process.wait_for_log('gmpf continues with the target at')
         assert overlap(answers[-1], scene.box(index + 9)) > 0.5
         assert answers[-1].detections[0].id == first.detections[0].id

@@ -9,6 +9,7 @@ from vtrack_ros.bags.reader import StampedFrame
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.frame_flow import Arrival, FrameFlow
 from vtrack_ros.session.motion_filter import Motion
+from vtrack_ros.session.selection import Selection
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate
 
@@ -67,6 +68,9 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
         began = time.perf_counter()
         if first is not None:
             try:
+                if box is not None:
+                    # as the node checks it; a true box may be of any size
+                    first = Selection(box, '--init').box_on(image.frame)
                 estimate: Estimate | None = session.start(image.frame, image.stamp, first)
             except ValueError as error:
                 raise BagError(f'the tracker cannot start at stamp {image.stamp}: {error}'

@@ -13,6 +13,7 @@ from vtrack_ros.cli.arguments import box, seed
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.progress import with_progress
 from vtrack_ros.drawing import Film
+from vtrack_ros.evaluation.runner import one_thread
 from vtrack_ros.evaluation.stream_score import figures_table, StreamScore
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate, tracker_class, tracker_names
@@ -72,6 +73,7 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
     malformed: list[str] = []
     late: list[int] = []
     with ExitStack() as stack:
+        stack.enter_context(one_thread())
         bag = stack.enter_context(BagReader(arguments.bag))
         warn('vtrack replay', bag.notice)
         topic, truth = bag.image_topic(arguments.topic), bag.truth()

@@ -85,7 +85,8 @@ class Pipeline:
             image_topic(self._node, settings.text('image_transport')), self._on_image,
             settings.text('reliability'))
         self._log.info(f'images are taken from {self._diagnostics.images.topic}; '
-                       + self._services.invitation())
+                       + ('the target of state_file is looked for in the first'
+                          if self._state_file.waits else self._services.invitation()))
         self._changed()
 
     def deactivate(self) -> None:

@@ -50,6 +50,11 @@ class StateFile:
         self._timer = node.create_timer(
             INTERVAL, self.save, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
+    @property
+    def waits(self) -> bool:
+        """Whether there is a saved target, to be restored with the first frame."""
+        return self._saved is not None
+
     def take_up(self, frame: Frame, stamp: int, frame_id: str) -> None:
         """Restore the saved target, if there is one, with the first frame that comes."""
         saved, self._saved, self._frame_id = self._saved, None, frame_id
