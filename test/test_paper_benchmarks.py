@@ -65,7 +65,7 @@ def test_all_trackers_follow_by_one_standard(from_benchmarks):
     measured = {label: runs(label == yin.PF) for label in yin.TRACKERS}
     laboratory = SimpleNamespace(films=lambda *_, **__: [], measure=lambda *_: measured)
     result = outcomes.Experiment()
-    yin._light(laboratory, result, 0.5)
+    yin.light(laboratory, result, 0.5)
     dim, end = result.claims
     assert dim[2] == 'ABMS lost: does not hold; ABMSPF follows: 20 holds, 10 holds'
     assert end[2] == 'PF 200 lost: does not hold; ABMSPF follows: 20 holds, 10 holds'

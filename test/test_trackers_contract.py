@@ -122,7 +122,7 @@ def test_wrong_calls_are_refused_and_do_no_harm(name):
     with pytest.raises(TypeError, match='Box'):
         tracker.start(frames[0], (1, 2, 3, 4))
     for side in (1.1e6, 1.5e300):
-        with pytest.raises(ValueError, match='at most 1000000 pixels'):
+        with pytest.raises(ValueError, match='too large; .* at most 1000000 px'):
             tracker.start(frames[0], Box(20 - side / 2, 10, side, 20))
     for wrong in ('1', None, [1.0]):
         with pytest.raises(TypeError, match='dt must be a number'):

@@ -180,11 +180,10 @@ class Tracker(ABC):
             raise ValueError(
                 f'frame shape changed from {self._frame_shape} to {frame.shape}: '
                 'call start again with a box in the new frame')
-        valid = f'a number of frame intervals from {SHORTEST_DT:g} to {LONGEST_DT:g}'
-        if not isinstance(dt, Real):
-            raise TypeError(f'dt must be {valid}, not {dt!r}')
-        if not SHORTEST_DT <= dt <= LONGEST_DT:
-            raise ValueError(f'dt must be {valid}, not {dt!r}')
+        if not (isinstance(dt, Real) and SHORTEST_DT <= dt <= LONGEST_DT):
+            wrong = ValueError if isinstance(dt, Real) else TypeError
+            raise wrong(f'dt must be a number of frame intervals from {SHORTEST_DT:g} to '
+                        f'{LONGEST_DT:g}, not {dt!r}')
         return self._update(frame, float(dt))
 
     def _prepare(self, values: dict[str, Value]) -> None:
@@ -222,11 +221,9 @@ def checked_box(box: Any, frame: Frame) -> None:
     if not isinstance(box, Box):
         raise TypeError(f'box must be a Box(x, y, width, height), not {type(box).__name__}')
     height, width = frame.shape[:2]
-    inside = box.clipped(width, height)
-    if inside is None:
-        raise ValueError(
-            f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g}) has no pixel inside '
-            f'the image of {width} x {height}')
+    name = f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g})'
+    if box.clipped(width, height) is None:
+        raise ValueError(f'{name} has no pixel inside the image of {width} x {height}')
     if max(box.width, box.height) > GREATEST_SIDE:
-        raise ValueError(f'box is {box.width:g} x {box.height:g}: width and height must be at '
-                         f'most {GREATEST_SIDE:.0f} pixels')
+        raise ValueError(f'{name} is too large; width and height must be at most '
+                         f'{GREATEST_SIDE:.0f} px')

@@ -37,7 +37,7 @@ def run(laboratory: Laboratory) -> Experiment:
     """Run everything."""
     result = Experiment()
     for level in LEVELS:
-        _light(laboratory, result, level)
+        light(laboratory, result, level)
     outcomes = _table(laboratory, result, 'scale_change', TRACKERS)
     sizes = {label: figures(outcomes[label])['size_error'] for label in CORRECTED}
     rest = {label: difference(sizes[OURS], sizes[label]) for label in (ABMS, PF, EQUAL)}
@@ -62,7 +62,8 @@ def _table(laboratory: Laboratory, result: Experiment, scene: str,
     return outcomes
 
 
-def _light(laboratory: Laboratory, result: Experiment, level: float) -> None:
+def light(laboratory: Laboratory, result: Experiment, level: float) -> None:
+    """Compare who follows after the light has fallen to a level, and after the occlusion."""
     outcomes = laboratory.measure(
         laboratory.films('light_step', LIT_FILMS, light=level), LIT_FILMS, TRACKERS)
     where = f'light_step to {level}'

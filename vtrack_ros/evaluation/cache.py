@@ -55,7 +55,7 @@ def run_key(tracker: TrackerSpecification, source: str, fingerprint: str, seed: 
     parts = {
         'version': _VERSION,
         'tracker': tracker.name,
-        'parameters': {**tracker.tracker_class.PARAMETERS.defaults(), **dict(tracker.parameters)},
+        'parameters': tracker.values,
         'source': source,
         'sequence': fingerprint,
         'seed': seed,

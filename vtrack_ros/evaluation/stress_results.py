@@ -124,7 +124,7 @@ def evaluate_stress(
     if 'particles' in names:
         few = {(tracker, count): _with_particles(tracker, int(count))
                for count in STRESS_KINDS['particles'].severities for tracker in chosen
-               if count < _particles(tracker)}
+               if count < int(tracker.values.get('particles', 0))}
         run = evaluate(few.values(), found, numbers, jobs, progress, cache)
         plain.problems = [*plain.problems, *run.problems]
         for count in STRESS_KINDS['particles'].severities:
@@ -142,12 +142,6 @@ def _of(sequences: Ordered[Sequence],
         for seed, run in results.runs(sequence.name, label).items():
             result.add(sequence.name, tracker.label, seed, run)
     return result
-
-
-def _particles(tracker: TrackerSpecification) -> int:
-    """Return how many particles a tracker has; 0 if it has no such parameter."""
-    own = {**tracker.tracker_class.PARAMETERS.defaults(), **dict(tracker.parameters)}
-    return int(own.get('particles', 0))
 
 
 def _with_particles(tracker: TrackerSpecification, count: int) -> TrackerSpecification:

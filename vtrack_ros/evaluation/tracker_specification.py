@@ -25,6 +25,11 @@ class TrackerSpecification:
         return tracker_class(self.name)
 
     @property
+    def values(self) -> dict[str, Value]:
+        """Return all of its parameters' values, the defaults included."""
+        return {**self.tracker_class.PARAMETERS.defaults(), **dict(self.parameters)}
+
+    @property
     def deterministic(self) -> bool:
         """Whether every seed gives the same output, so that one run is enough."""
         return bool(getattr(self.tracker_class, 'DETERMINISTIC', False))

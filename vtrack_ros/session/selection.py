@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from vtrack_ros.appearance.extent import find_extent
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.history import FrameHistory, seconds
-from vtrack_ros.tracker import GREATEST_SIDE
+from vtrack_ros.tracker import checked_box
 from vtrack_ros.trackers import Frame
 
 #: How far ahead of the newest frame a selection may be stamped, in nanoseconds; further if the
@@ -59,12 +59,10 @@ class Selection:
         """
         height, width = frame.shape[:2]
         box = self.box.box_on(frame) if isinstance(self.box, Click) else self.box
-        inside = box.clipped(width, height)
-        if self.clamp and inside is not None:
-            box = inside
+        if self.clamp:
+            box = box.clipped(width, height) or box
+        checked_box(box, frame)
         name = f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g})'
-        if inside is None:
-            raise ValueError(f'{name} has no pixel inside the image of {width} x {height}')
         x, y = box.center
         if not (0 <= x <= width and 0 <= y <= height):
             raise ValueError(f'{name} has its centre ({x:g}, {y:g}) outside the image of '
@@ -72,9 +70,6 @@ class Selection:
         if min(box.width, box.height) < LEAST_SIDE:
             raise ValueError(f'{name} is too small; width and height must be at least '
                              f'{LEAST_SIDE:g} px')
-        if max(box.width, box.height) > GREATEST_SIDE:
-            raise ValueError(f'{name} is too large; width and height must be at most '
-                             f'{GREATEST_SIDE:.0f} px')
         return box
 
 
