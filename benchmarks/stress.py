@@ -91,6 +91,13 @@ def aucs(each: list[StressResults], kind: str | None, tracker: str) -> Array:
                     for of_seed in levels], axis=0).T
 
 
+def coverage(each: list[StressResults], kind: str | None, tracker: str) -> float:
+    """Return the share of true centres in a tracker's 90 % ellipse, the mean under one kind."""
+    return float(np.nanmean([
+        level.summary.get(tracker, {}).get('coverage90', math.nan) for of_seed in each
+        for level in ([of_seed.plain] if kind is None else of_seed.of_kind(kind).values())]))
+
+
 def gain(each: list[StressResults], tracker: str,
          kinds: tuple[str | None, ...]) -> dict[str, float]:
     """
@@ -129,6 +136,7 @@ def _shown(each: list[StressResults]) -> dict[str, object]:
             'severities': list(first.of_kind(kind)) if kind else [],
             'auc': {tracker: np.nanmean(aucs(each, kind, tracker), axis=0).tolist()
                     for tracker in trackers},
+            'coverage90': {tracker: coverage(each, kind, tracker) for tracker in trackers},
             **({'changed': changed[kind]['changed']} if kind else {})}
             for kind in (None, *first.kinds)},
         'stress_mean_above_dcf': {
@@ -154,6 +162,8 @@ def _page(results: dict[str, list[StressResults]], arguments: argparse.Namespace
                      f'Share of frames with the centre elsewhere than that of dcf, and median '
                      f'overlap gained in these frames (first seed):\n\n'
                      f'{markdown(influence_rows(each[0]))}\n\n'
+                     f'Share of true centres inside the 90 % covariance ellipse, frames in which '
+                     f'the target is hidden included:\n\n{markdown(_coverages(each))}\n\n'
                      f'AUC by severity:\n\n{markdown(_severities(each))}\n')
     return '\n'.join(parts)
 
@@ -169,6 +179,14 @@ def _rows(each: list[StressResults]) -> list[list[str]]:
         rows.append([name, number_text(float(level), 'auc'), *(
             interval_text(interval(values)) if len(values) else '-' for values in gains)])
     return rows
+
+
+def _coverages(each: list[StressResults]) -> list[list[str]]:
+    trackers = list(each[0].plain.summary)
+    return [['in the 90 % ellipse', *trackers], *(
+        [kind or 'plain', *(number_text(coverage(each, kind, tracker), 'coverage90')
+                            for tracker in trackers)]
+        for kind in (None, *each[0].kinds))]
 
 
 def _severities(each: list[StressResults]) -> list[list[str]]:
