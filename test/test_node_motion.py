@@ -131,6 +131,34 @@ def test_pose_is_ahead_of_its_image(client, process):
         assert (pose.pose.position.x, pose.pose.position.y) == (center.x, center.y)
 
 
+def test_a_clock_that_is_a_little_behind_is_nothing_to_warn_of():
+    """
+    A pose isn't predicted for an image stamped after the node's time.
+
+    /clock is another topic than the image, so a bag's image may come before its own time.
+    """
+    with NodeProcess('-r', '__ns:=/behind', init_box=BOX, use_sim_time='true',
+                     predict_to_now='true') as process, Client('/behind/tracker') as client:
+        client.hear('/diagnostics', DiagnosticArray)
+        client.ready()
+        clock, message = client.publisher('/clock', Clock), Clock()
+        message.clock.sec, message.clock.nanosec = divmod(client.start, 10**9)
+
+        def told():
+            clock.publish(message)
+            return any(stamp(one) == client.start for one in client.heard['/diagnostics'])
+        client.until(told, 'no time')
+        behind = [20_000_000, 40_000_000]
+        for index, time in enumerate(behind):
+            client.send(SCENE.frame(index), client.start + time)
+        poses = client.heard['pose']
+        client.until(lambda: len(poses) == 2, 'no pose')
+        assert [stamp(pose) - client.start for pose in poses] == behind
+        assert 'predict_to_now' not in process.log
+        client.send(SCENE.frame(2), client.start + 200_000_000)
+        process.wait_for_log('the image is stamped 0.200 s after the node')
+
+
 def test_a_bag_sets_the_clock_before_each_image(repository):
     """While a bag is played with its clock, no image comes before its time."""
     path = repository / 'bags' / 'face_fast'

@@ -21,6 +21,8 @@ from vtrack_ros.tracker import Estimate
 
 #: Least interval between log messages that could recur with every frame, in seconds.
 THROTTLE = 2.0
+#: Time, [s], by which an image may be stamped ahead of the node's clock without a warning.
+_CLOCKS_APART = 0.05
 #: The covariance of a box that is known exactly.
 _EXACT = np.zeros((4, 4))
 
@@ -93,6 +95,8 @@ class PosePublisher:
         age = (now - stamp_nanoseconds(header.stamp)) / 1e9
         if 0 <= age <= LONGEST_FORECAST:
             return poses.header(self._types, now, header.frame_id), age
+        if -_CLOCKS_APART <= age < 0:
+            return header, 0.0
         self._log.warning(
             f'predict_to_now: the image is stamped {abs(age):.3f} s '
             f'{"before" if age > 0 else "after"} the node\'s current time, but poses are '
