@@ -54,13 +54,15 @@ def starting(found, text):
 
 def test_without_ros(monkeypatch, capsys):
     """It lists what is installed, what is missing, and how to install it."""
-    for name in ('rclpy', 'aiohttp'):
+    for name in ('rclpy', 'aiohttp', 'rosbags'):
         monkeypatch.setitem(sys.modules, name, None)
     code, found = lines(capsys)
     assert code == 0
     assert 'Python' in starting(found, 'ok    vtrack_ros')
     assert 'gmpf' in starting(found, 'ok    trackers')
     assert 'no vtrack select' in starting(found, 'note  aiohttp')
+    line = starting(found, 'note  rosbags')
+    assert 'apt' not in found[found.index(line) + 1]
     assert 'needs rclpy' in starting(found, 'note  no ROS') and 'scripts/setup' in found[-1]
 
 
@@ -137,7 +139,7 @@ def test_topics(capsys):
     mismatch = starting(found, 'wrong /camera/image_raw')
     assert mismatch.endswith(
         '/client receives nothing from /client: Best effort publisher and reliable subscription')
-    assert 'no image was received' in starting(found, 'wrong /silent')
+    assert 'no image was received in 0.6 s' in starting(found, 'wrong /silent')
     # A tracker's debug image, for viewers, is no camera.
     assert not any('debug_image' in line for line in found)
 
@@ -150,6 +152,7 @@ def test_a_topic_that_nobody_publishes(capsys):
         client.node.create_subscription(CompressedImage, '/image/compressed', print, 1)
         code, found = lines(capsys, '--seconds', '0')
     assert code == 1
+    assert starting(found, 'ok    /camera/image_raw').endswith('to no node; not listened to')
     line = starting(found, 'wrong /camera/image: no node publishes it, but /client waits for')
     assert found[found.index(line) + 1].endswith('one that is published: /camera/image_raw')
     line = starting(found, 'wrong /image/compressed: no node publishes it')

@@ -24,8 +24,8 @@ _NOTABLE = 0.01
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument('--seconds', type=duration, default=3.0, metavar='S',
-                        help='how long to listen on the image topics, in seconds '
-                        '(default: %(default)s)')
+                        help='how long to listen on the image topics, in seconds; 0: do '
+                        'not listen (default: %(default)s)')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -67,7 +67,7 @@ def _findings(seconds: float) -> Iterator[Finding]:
         yield from _middleware(rclpy, profile)
         topics = survey(node, executor, seconds)
         for topic in topics:
-            yield from _of_topic(topic)
+            yield from _of_topic(topic, seconds)
         if not topics:
             yield Finding('no node publishes images',
                           'start the camera driver, or vtrack play bags/face_fast --loop; if it '
@@ -105,31 +105,37 @@ def _middleware(rclpy: Any, profile: Finding) -> Iterator[Finding]:
                       'apt install ros-jazzy-vision-msgs, or run scripts/setup')
 
 
-def _of_topic(topic: Any) -> Iterator[Finding]:
+def _of_topic(topic: Any, seconds: float) -> Iterator[Finding]:
     kind = 'reliable' if topic.reliable else 'best effort'
     text = (f'{topic.name}: {kind}, from {", ".join(topic.publishers)} to '
             f'{", ".join(topic.subscribers) or "no node"}')
-    if not topic.received:
+    if not seconds:
+        yield Finding(f'{text}; not listened to')
+    elif not topic.received:
         # The middleware counts a lost message only when a later one arrives.
-        yield Finding(f'{text}: no image was received',
+        yield Finding(f'{text}: no image was received in {seconds:g} s',
                       'check that the driver is running and publishing. Without the DDS profile '
                       'large images may all be lost: start the driver with '
                       f'{installation.profile_setting()}', wrong=True)
         return
-    text += f'; {topic.form}, {topic.rate:.1f} Hz'
-    total = topic.received + topic.lost
-    if topic.lost <= _NOTABLE * total:
-        yield Finding(f'{text}, none of {total} lost' if not topic.lost else
-                      f'{text}, {topic.lost} of {total} lost')
     else:
-        advice = (f'start its driver with {installation.profile_setting()}: such images do not '
-                  'fit into the shared memory of Fast DDS'
-                  if topic.exceeds_shared_memory else
-                  'check the load of processor and network; smaller or compressed images help')
-        yield Finding(f'{text}, {topic.lost} of {total} lost in transit', advice, wrong=True)
+        yield _of_images(topic, text)
     if len(topic.publishers) > 1:
         yield Finding(f'{topic.name} has several publishers, which the node treats as one stream',
                       'remap all but one')
     for mismatch in topic.mismatches:
         yield Finding(f'{topic.name}: {mismatch}', "set the node's reliability to auto, or "
                       'start both with the same type and QoS', wrong=True)
+
+
+def _of_images(topic: Any, text: str) -> Finding:
+    """Return a finding on the images that were received."""
+    text += f'; {topic.form}, {topic.rate:.1f} Hz'
+    total = topic.received + topic.lost
+    if topic.lost <= _NOTABLE * total:
+        return Finding(f'{text}, {topic.lost or "none"} of {total} lost')
+    advice = (f'start its driver with {installation.profile_setting()}: such images do not '
+              'fit into the shared memory of Fast DDS'
+              if topic.exceeds_shared_memory else
+              'check the load of processor and network; smaller or compressed images help')
+    return Finding(f'{text}, {topic.lost} of {total} lost in transit', advice, wrong=True)

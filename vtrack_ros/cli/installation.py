@@ -49,8 +49,10 @@ def libraries() -> Iterator[Finding]:
     missing = [name for name in _OPTIONAL if find_spec(name) is None]
     for name in missing:
         use, extra = _OPTIONAL[name]
+        # Neither Debian nor Ubuntu has a package of rosbags.
+        apt = '' if name == 'rosbags' else f', or apt install python3-{name}'
         yield Finding(f'{name} is not installed: no {use}',
-                      f"pip install 'vtrack_ros[{extra}]', or apt install python3-{name}")
+                      f"pip install 'vtrack_ros[{extra}]'{apt}")
     if not missing:
         yield Finding('all optional libraries are installed')
 
