@@ -3,10 +3,12 @@
 from dataclasses import replace
 from itertools import islice
 
+import cv2
 from evaluation_material import SIZE, truth_of, write_sequence
 import numpy as np
 import pytest
 
+from vtrack_ros.bags import SequenceError
 from vtrack_ros.evaluation.sequences import read_folder
 from vtrack_ros.evaluation.stress import stress, stressed_sequence
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
@@ -173,6 +175,17 @@ def test_plain_is_the_original(square):
     made = stress(square, 'plain', 0)
     np.testing.assert_array_equal(list(made.frames), list(square.frames()))
     assert made.visible.all() and made.truth.tolist() == square.truth.tolist()
+
+
+@pytest.mark.parametrize('kind', ['plain', 'resolution', 'shake'])
+def test_frames_of_several_sizes(tmp_path, kind):
+    """They are refused, as trackers refuse the original: the truth is for the first one's size."""
+    folder = write_sequence(tmp_path / 'Sizes', 6)
+    path = folder / 'img' / '00004.png'
+    cv2.imwrite(str(path), cv2.imread(str(path))[:100])
+    made = stress(read_folder(folder)[0], kind, 2)
+    with pytest.raises(SequenceError, match='Sizes: frame 3 is 160 x 100 .*first is 160 x 120'):
+        list(made.frames)
 
 
 @pytest.mark.parametrize(('kind', 'severity', 'message'), [

@@ -67,12 +67,12 @@ class StressedSequence(Sequence):
         return self.made_of(self.original.frames())
 
     def made_of(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Make the stressed frames from the original's frames, one by one."""
+        """Make them from the original's frames, which must be of one size, else SequenceError."""
         plan, rng = self._plan()
         kept = set(plan.kept.tolist())
         last = int(plan.kept[-1])
-        return plan.frames((frame for index, frame in zip(range(last + 1), frames)
-                            if index in kept), rng)
+        return plan.frames((self._of_one_size(index, frame) for index, frame in zip(
+            range(last + 1), frames) if index in kept), rng)
 
     def fingerprint(self) -> str:
         """Return a hash of the original, of the stress and of the source code that makes it."""
@@ -80,6 +80,14 @@ class StressedSequence(Sequence):
                  f'{self.severity:g}', str(self.seed),
                  source_hash('vtrack_ros.evaluation.stress_kinds'))
         return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
+
+    def _of_one_size(self, index: int, frame: Frame) -> Frame:
+        height, width = frame.shape[:2]
+        if (width, height) != self.size:
+            raise SequenceError(
+                f'{self.original.name}: frame {index} is {width} x {height} pixels, but the first '
+                f'is {self.size[0]} x {self.size[1]}: all must have the same size')
+        return frame
 
     def _plan(self) -> tuple[StressPlan, np.random.Generator]:
         return _planned(self.original, self.kind, self.severity, self.seed, self.size)
