@@ -8,7 +8,7 @@ import pytest
 
 from vtrack_ros.geometry import affine
 from vtrack_ros.replicas.affine_filters import ConsecutiveKeypoints
-from vtrack_ros.replicas.cues import BoxCues, normalised_masses
+from vtrack_ros.replicas.cues import BoxCues, FUSIONS, normalised_masses
 from vtrack_ros.replicas.keypoints import Keypoints
 
 SIDE = 24
@@ -76,6 +76,22 @@ def test_the_likelihood_is_that_of_bhattacharyyas_coefficient():
     whole, part = cues.log_likelihood(np.stack([box, half]))
     assert whole == pytest.approx(0, abs=1e-9)
     assert part == pytest.approx((np.sqrt(0.5) - 1) / 0.02, rel=0.05)
+
+
+@pytest.mark.parametrize('fusion', FUSIONS)
+def test_edges_that_are_like_the_target_s_nowhere_abstain(fusion):
+    """Where all boxes have a likelihood of 0 by their edges, nothing is divided by it."""
+    cues, box = started(edges=True)
+    cues.fusion = FUSIONS[fusion]
+    for place in ((82, 61), (85, 62)):
+        cues.observe(picture(place), box)
+        cues.update(np.array([*place, SIDE, SIDE]))
+    cues.observe(picture((90, 66)), box)
+    # as narrow as the trackers' parameter allows
+    cues.sigma = 0.01
+    with np.errstate(divide='raise', invalid='raise'):
+        found = cues.log_likelihood(box + [[34, 0, 0, 0], [33, 0, 0, 0]])
+    assert np.isfinite(found).all()
 
 
 def test_sizes_out_of_range_and_places_outside_are_unlikely():

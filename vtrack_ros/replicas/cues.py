@@ -98,8 +98,9 @@ class BoxCues:
         else:
             likelihoods = np.stack([np.exp(exponent - exponent.max()),
                                     self._edges.likelihoods(scored, self.sigma)])
-            best = np.nanmax(likelihoods[1]) if np.isfinite(likelihoods[1]).any() else 1.0
-            likelihoods[1] /= best
+            # the edges abstain where none moves, and where no box has any like the target's
+            best = likelihoods[1].max()
+            likelihoods[1] = likelihoods[1] / best if best > 0 else np.nan
             result = self.fusion(likelihoods, reliability(likelihoods))
         result -= (excess**2).sum(axis=1)
         # nothing is seen outside the image: the penalty keeps boxes from drifting away there
