@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 from bag_material import write_short_bag
+from conftest import REPOSITORY
 import numpy as np
 import pytest
 
@@ -64,6 +65,15 @@ def test_help_needs_no_heavy_import():
     code = ('import sys; from vtrack_ros.cli.command_line import main; main(["--help"]); '
             'sys.exit(bool({"numpy", "cv2", "rosbags", "rclpy"} & set(sys.modules)))')
     assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
+
+
+def test_opencv_that_is_missing():
+    """The packages that have it are named, not its module."""
+    code = ('import sys; sys.modules["cv2"] = None; from vtrack_ros.cli.command_line import main; '
+            'sys.exit(main(["synth", "--list"]))')
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert run.returncode == 1
+    assert 'pip install opencv-python-headless, or apt install python3-opencv' in run.stderr
 
 
 def test_one_thread():
@@ -131,6 +141,18 @@ def test_wrong_arguments(arguments, words, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert words in complaint(arguments, capsys)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('arguments', [
+    ['play', REPOSITORY / 'bags' / 'face_fast'], ['select', '--port', '0'], ['doctor']],
+    ids=lambda words: words[0])
+def test_a_domain_that_is_none(arguments, monkeypatch, capsys):
+    """What ROS refuses is an error in one line, with code 1."""
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    monkeypatch.setenv('ROS_DOMAIN_ID', 'seven')
+    assert main(list(map(str, arguments))) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f'vtrack {arguments[0]}: ') and 'ROS_DOMAIN_ID' in line
 
 
 @pytest.mark.parametrize('command', [['select'], ['layout', 'rviz']])

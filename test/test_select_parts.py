@@ -2,6 +2,7 @@
 
 import asyncio
 from contextlib import contextmanager
+import socket
 import sys
 import threading
 import time
@@ -20,6 +21,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import (
     BoundingBox2D, Detection2D, Detection2DArray, ObjectHypothesisWithPose)
 
+from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import leave
 from vtrack_ros.selecting.access import is_loopback
 from vtrack_ros.selecting.observer import Observer
@@ -35,6 +37,27 @@ from vtrack_ros.selecting.tracker_link import TrackerLink
 def test_loopback(host, own):
     """Only names and addresses of the loopback interface are recognised as such."""
     assert is_loopback(host) is own
+
+
+@pytest.mark.parametrize('host', ['nosuch', 'a..b'])
+def test_a_host_that_is_none(host, monkeypatch, capsys):
+    """It's named in one line, with code 1."""
+    def unknown(name, *_, **__):
+        name.encode('idna')
+        raise socket.gaierror(socket.EAI_NONAME, 'Name or service not known')
+    monkeypatch.setattr(socket, 'getaddrinfo', unknown)
+    assert main(['select', '--host', host, '--port', '0']) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert line.startswith(f'vtrack select: {host}: ') and 'Errno' not in line
+
+
+def test_a_port_that_is_taken(capsys):
+    """It's named in one line, with code 1."""
+    with socket.create_server(('127.0.0.1', 0)) as other:
+        port = other.getsockname()[1]
+        assert main(['select', '--port', str(port)]) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert str(port) in line and 'already in use' in line and 'Errno' not in line
 
 
 def test_inputs_from_descriptors():

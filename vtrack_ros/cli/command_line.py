@@ -19,6 +19,8 @@ from vtrack_ros.dds import end_process
 
 _INTERRUPTED = 130
 _PIPE_CLOSED = 141
+#: Module -> its packages of pip and, after python3-, of apt, if they have another name.
+_PACKAGES = {'cv2': ('opencv-python-headless', 'opencv')}
 _COMMANDS = {
     'synth': 'render a synthetic scene with exact ground truth into a bag',
     'import': 'convert images or a video to a bag',
@@ -84,8 +86,9 @@ def _run(words: list[str]) -> int:
         package = (error.name or '').partition('.')[0]
         if package == 'vtrack_ros':
             raise
+        pip, apt = _PACKAGES.get(package, (package, package))
         hint = '' if 'install' in str(error) else (
-            f'; install it: pip install {package}, or apt install python3-{package}')
+            f'; install it: pip install {pip}, or apt install python3-{apt}')
         complain(prog, f'{error}{hint}')
         return 1
     except (TypeError, ValueError) as error:
@@ -94,6 +97,12 @@ def _run(words: list[str]) -> int:
         raise
     except OSError as error:
         complain(prog, os_error_text(error))
+        return 1
+    except RuntimeError as error:
+        # What ROS refuses, such as a ROS_DOMAIN_ID that is no number.
+        if type(error).__module__.partition('.')[0] != 'rclpy':
+            raise
+        complain(prog, str(error))
         return 1
 
 
@@ -136,8 +145,9 @@ def negative_values(words: Sequence[str]) -> list[str]:
 
 def os_error_text(error: OSError) -> str:
     """Return the system's error message with the file's name, without the error number."""
-    known = error.filename is not None and error.strerror is not None
-    return f'{error.filename}: {error.strerror}' if known else str(error)
+    if error.strerror is None:
+        return str(error)
+    return f'{error.filename}: {error.strerror}' if error.filename else error.strerror
 
 
 def complain(prog: str, message: str) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from importlib.resources import files
 import json
 from pathlib import Path
+from socket import gaierror
 from typing import Any
 
 from aiohttp import web, WSMsgType
@@ -154,9 +155,9 @@ class Viewer:
 
 async def serve(target: str, host: str, port: int, token: str, folder: Path) -> None:
     """
-    Serve the page of a tracking node until a signal ends it; OSError if the port is taken.
+    Serve the page of a tracking node until a signal ends it; recordings go into the folder.
 
-    Recordings go into the folder.
+    OSError if the host is unknown or isn't this machine's, or the port is taken.
     """
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -214,7 +215,11 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
     runner = web.AppRunner(application, shutdown_timeout=1.0)
     try:
         await runner.setup()
-        await web.TCPSite(runner, host, port).start()
+        try:
+            await web.TCPSite(runner, host, port).start()
+        except (gaierror, UnicodeError) as error:
+            # these say what is wrong, but not with which name
+            raise OSError(f'{host}: {getattr(error, "strerror", error)}') from None
         named = f'[{host}]' if ':' in host else host
         print(f'http://{named}:{runner.addresses[0][1]}{root}/\n'
               'open it in a browser; Ctrl-C ends it', flush=True)
