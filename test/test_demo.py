@@ -167,10 +167,14 @@ def test_summary_without_truth():
     ids=['Ctrl-C', 'terminated', 'closed', 'told twice'])
 def test_camera(repository, tmp_path, end):
     """Without a camera a scene is shown on the page; all processes end, with no memory left."""
+    # The page's process prints a warning before the address, as Fast DDS may.
+    (tmp_path / 'sitecustomize.py').write_text(
+        'import sys\n"select" in sys.orig_argv and print("a warning", file=sys.stderr)\n')
+    path = os.pathsep.join((str(tmp_path), os.environ.get('PYTHONPATH', '')))
     process = subprocess.Popen(
         [sys.executable, '-m', 'vtrack_ros.demo', '--camera', '999', '--no-browser', '--out',
-         str(tmp_path)], cwd=repository, env=dict(os.environ), stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT, text=True, start_new_session=True)
+         str(tmp_path)], cwd=repository, env={**os.environ, 'PYTHONPATH': path},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
     try:
         assert 'no camera 999' in process.stdout.readline()
         address = process.stdout.readline().split()[-1]
@@ -212,6 +216,9 @@ def test_video_as_camera(tmp_path, video):
     seen = [round(float(image.mean()), -1) for image in itertools.islice(
         images(str(video)), 5)]
     assert seen == [40, 200, 40, 200, 40]
+    cv2.imwrite(str(tmp_path / '1.png'), np.full((48, 64, 3), 90, np.uint8))
+    assert [image.mean() for image in itertools.islice(
+        images(str(tmp_path / '1.png')), 3)] == [90, 90, 90]
     (tmp_path / 'text.avi').write_text('none')
     for name in ('text.avi', 'nowhere.avi'):
         with pytest.raises(NoImagesError, match=name):

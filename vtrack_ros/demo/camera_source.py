@@ -23,7 +23,11 @@ class NoImagesError(RuntimeError):
 
 
 def opened(source: str) -> cv2.VideoCapture:
-    """Open a camera by its number, or a video file; NoImagesError if no image comes."""
+    """
+    Open a camera by its number, or a video file, and grab its first image.
+
+    NoImagesError if no image comes.
+    """
     if source.isdecimal():
         # Checked first, since OpenCV would print many lines of errors.
         if sys.platform == 'linux' and not Path(f'/dev/video{source}').exists():
@@ -45,14 +49,17 @@ def images(source: str) -> Iterator[Frame]:
     while True:
         capture = opened(source)
         rate = capture.get(cv2.CAP_PROP_FPS) or _USUAL_RATE
-        if not source.isdecimal():
-            capture.set(cv2.CAP_PROP_POS_FRAMES, 0)
         due = time.monotonic()
-        while (found := capture.read())[0]:
-            yield found[1]
+        # Not rewound: OpenCV doesn't go back to the only image of a file.
+        found, image = capture.retrieve()
+        if not found:
+            raise NoImagesError(f'the first image of {source} cannot be decoded')
+        while found:
+            yield image
             due += 1 / rate
             if not source.isdecimal():
                 time.sleep(max(0.0, due - time.monotonic()))
+            found, image = capture.read()
         capture.release()
 
 

@@ -39,12 +39,11 @@ def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) 
                      '--port', '0')
         children.append(page)
         deadline = time.monotonic() + PROCESS_TIMEOUT
-        while not page.said.startswith('http'):
+        while not (address := _address(page.said)):
             page.check()
             if time.monotonic() > deadline:
                 raise page.failure('did not start')
             time.sleep(0.05)
-        address = page.said.split()[0]
         print(f'drag a box around the target, or click on it: {address}\nCtrl-C ends it',
               flush=True)
         if show:
@@ -57,3 +56,8 @@ def run_live(source: str, node: Sequence[str], folder: Path, show: bool = True) 
         print()
     finally:
         end_all(children)
+
+
+def _address(said: str) -> str:
+    """Return the page's address, empty if it hasn't been printed; warnings may come before it."""
+    return next((line for line in said.splitlines() if line.startswith('http')), '')
