@@ -14,6 +14,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from vtrack_ros.dds import VARIABLES, with_profile
 from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
@@ -44,6 +45,9 @@ def nodes(context):
 
 def node(path, namespace, target):
     """Return the node that follows a target."""
+    if not (isinstance(namespace, str) and isinstance(target, dict)):
+        raise ValueError(f'{path}: {namespace!r}: must be a namespace with values for '
+                         f'{", ".join(KEYS)}, not {target!r}')
     unknown = set(target) - set(KEYS)
     if unknown:
         raise ValueError(f'{path}: {namespace}: unknown {", ".join(sorted(unknown))}; valid are '
@@ -62,13 +66,12 @@ def node(path, namespace, target):
         raise ValueError(f'{path}: {namespace}: {error}') from None
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
-    profile = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
     return Node(
         package='vtrack_ros', executable='tracker', name='tracker', namespace=namespace,
         parameters=[*filter(None, [file, parameters])],
         remappings=[(name, target[name]) for name in ('image', 'camera_info')
                     if target.get(name)],
         respawn=respawn, respawn_delay=1.0,
-        additional_env={'FASTRTPS_DEFAULT_PROFILES_FILE': profile,
-                        'FASTDDS_DEFAULT_PROFILES_FILE': profile},
+        additional_env={name: value for name, value in with_profile(os.environ).items()
+                        if name in VARIABLES},
         output='screen')

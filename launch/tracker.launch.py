@@ -9,11 +9,11 @@ Launch one tracker.
 
 import os
 
-from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from vtrack_ros.dds import VARIABLES, with_profile
 from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
@@ -34,7 +34,8 @@ ARGUMENTS = {
     'state_file': ('', 'file in which the target is saved, so that a restarted node continues '
                        'with it; empty: as params_file says, or none'),
     'respawn': ('false', 'true: restart the node a second after it has ended by itself'),
-    'fastdds_profile': ('true', 'true: enough shared memory for images (config/fastdds.xml)'),
+    'fastdds_profile': ('true', 'true: enough shared memory for images (config/fastdds.xml), '
+                        'unless the environment names another Fast DDS profile'),
     'log_level': ('info', 'debug, info, warn or error'),
 }
 
@@ -83,9 +84,8 @@ def target(text):
 
 
 def profile():
-    """Return the environment that names the Fast DDS profile."""
-    path = os.path.join(get_package_share_directory('vtrack_ros'), 'config', 'fastdds.xml')
-    return {'FASTRTPS_DEFAULT_PROFILES_FILE': path, 'FASTDDS_DEFAULT_PROFILES_FILE': path}
+    """Return the environment that names the Fast DDS profile, the user's own if there is one."""
+    return {name: value for name, value in with_profile(os.environ).items() if name in VARIABLES}
 
 
 def switch(given, name):

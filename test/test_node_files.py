@@ -12,7 +12,8 @@ from node_harness import Client, NodeProcess
 import pytest
 from sensor_msgs.msg import CompressedImage
 from vtrack_ros.cli.command_line import main
-from vtrack_ros.dds import profile_path, receiving_profile, VARIABLES, with_profile
+from vtrack_ros.dds import (
+    profile_path, receiving_profile, TRANSPORTS, VARIABLES, with_profile)
 from vtrack_ros.ros.parameter_files import files
 from vtrack_ros.ros.parameter_node import INIT_BOX, NODE_PARAMETERS, parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
@@ -234,6 +235,31 @@ third:
         launched('multi.launch.py', targets=str(path))
 
 
+@pytest.mark.parametrize('name', ['tracker.launch.py', 'multi.launch.py'])
+def test_launch_sets_the_profile_unless_one_is_chosen(launched, monkeypatch, name):
+    """Nodes get our profile; a user's own and a user's own transports stay in force."""
+    given = {'targets': str(profile_path().with_name('targets.yaml'))} if 'multi' in name else {}
+    for variable in (*VARIABLES, TRANSPORTS):
+        monkeypatch.delenv(variable, raising=False)
+    assert launched(name, **given)[0].additional_env == with_profile({})
+    monkeypatch.setenv(VARIABLES[0], '/my/profile.xml')
+    assert launched(name, **given)[0].additional_env == {VARIABLES[0]: '/my/profile.xml'}
+    monkeypatch.delenv(VARIABLES[0])
+    monkeypatch.setenv(TRANSPORTS, 'UDPv4')
+    assert launched(name, **given)[0].additional_env == {}
+
+
+@pytest.mark.parametrize('text, words', [
+    ('left: /camera', "'left': .*image, .*not '/camera'"), ('7: {image: /camera}', '7: must be'),
+    ('left: [image]', r"'left': .*not \['image'\]")])
+def test_launch_refuses_what_is_no_target(launched, tmp_path, text, words):
+    """A wrong entry in the file of targets raises an error that names it and what is valid."""
+    path = tmp_path / 'targets.yaml'
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f'targets.yaml: {words}'):
+        launched('multi.launch.py', targets=str(path))
+
+
 def test_launch_refuses_a_file_that_is_not_there(launched, tmp_path):
     """A params_file that doesn't exist raises an error before a node runs without it."""
     with pytest.raises(FileNotFoundError, match='params_file nowhere.yaml does not exist'):
@@ -294,6 +320,7 @@ def test_profile_is_found_and_not_forced_on_anybody():
     chosen = {VARIABLES[0]: '/my/profile.xml'}
     assert with_profile(chosen) == chosen
     assert receiving_profile(chosen) == chosen and receiving_profile({}) == {}
+    assert with_profile({TRANSPORTS: 'UDPv4'}) == {TRANSPORTS: 'UDPv4'}
     lighter = receiving_profile({VARIABLES[0]: path})[VARIABLES[0]]
     assert lighter.endswith('config/fastdds_node.xml')
     sizes = [int(re.search(r'<segment_size>(\d+)', open(file).read()).group(1))

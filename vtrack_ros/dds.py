@@ -13,6 +13,8 @@ import warnings
 
 #: Environment variables that Fast DDS reads the profile's path from: the old and the new name.
 VARIABLES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
+#: The environment variable by which Fast DDS is told its transports; a profile's take precedence.
+TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 #: The profile, and its variant with less memory for a process that sends no images.
 PROFILE, RECEIVING = 'fastdds.xml', 'fastdds_node.xml'
 #: The folder of the shared memory of a machine's processes.
@@ -56,9 +58,9 @@ def receiving_profile(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def with_profile(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return an environment for a child process, with the profile unless one is set already."""
+    """Return an environment with the profile, unless it has one already, or `TRANSPORTS`."""
     result = dict(environment)
-    if not any(result.get(name) for name in VARIABLES):
+    if not any(result.get(name) for name in (*VARIABLES, TRANSPORTS)):
         result.update(dict.fromkeys(VARIABLES, str(profile_path())))
     return result
 
