@@ -52,6 +52,7 @@ VERBS = ('launch', 'param', 'security', 'topic')
 LEFT = {
     '--enclave': 'needs a Fast DDS with security; test/test_node_parameters.py has it refused',
     'ros2 security': 'needs ROS 2 installed; test/test_security.py has the policy',
+    'ros2 bag': 'needs ROS 2 installed; test/test_bags_play.py has vtrack play',
     'ros2 launch': 'needs ROS 2 installed; test/test_node_files.py has the launch files',
     'ros2 topic': 'needs ROS 2 installed; type and content are checked, test_node_*.py send such',
     'ros2 param': 'needs ROS 2 installed; name and value are checked; test_node_parameters.py',

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 import re
 
 from conftest import REPOSITORY
-from documented_commands import commands, EXAMPLES_LEFT, EXECUTABLES, LEFT, OTHERS, PAGES
+from documented_commands import (
+    arguments, commands, EXAMPLES_LEFT, EXECUTABLES, LEFT, OTHERS, PAGES)
 import pytest
 import sensor_msgs.msg
 from vtrack_ros.cli.command_line import command_parser, negative_values
@@ -53,6 +55,9 @@ def check_ros2(verb: str, words: list[str]) -> None:
         assert package == 'sensor_msgs'
         getattr(sensor_msgs.msg, kind)(**yaml.safe_load(words[-1]))
     else:
+        if verb != 'run':
+            call = arguments(['ros2', verb, *words])
+            assert isinstance(call, str) or Path(call[0]).is_file(), call
         assert verb in ('bag', 'launch', 'param', 'pkg', 'run', 'security', 'topic'), verb
 
 
