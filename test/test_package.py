@@ -98,6 +98,20 @@ def test_sources_that_are_not_installed_have_the_version_of_the_manifest(reposit
     assert run(sys.executable, '-S', '-c', script, cwd=tmp_path).strip() == 'unknown'
 
 
+def test_tests_without_what_rosdep_leaves_out(repository: Path, tmp_path: Path) -> None:
+    """Where rosbags or onnx is missing, the tests that need it are skipped, and colcon's pass."""
+    (tmp_path / 'without.py').write_text(
+        'from importlib.machinery import PathFinder\n'
+        'found = PathFinder.find_spec\n'
+        'PathFinder.find_spec = lambda name, *where: (\n'
+        '    None if name in ("onnx", "rosbags") else found(name, *where))\n')
+    output = run(sys.executable, '-m', 'pytest', '-p', 'without', '-rs', '-k', 'positive_series',
+                 '--no-header', 'test/test_demo.py', 'test/test_trackers_opencv.py',
+                 'test/test_estimation_grey.py', cwd=repository,
+                 PYTHONPATH=os.pathsep.join((str(repository), str(tmp_path))))
+    assert 'needs rosbags' in output and 'needs onnx' in output
+
+
 @pytest.fixture(scope='module')
 def workspace(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a workspace with the built package."""
