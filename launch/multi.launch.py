@@ -18,8 +18,10 @@ from vtrack_ros.dds import VARIABLES, with_profile
 from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
-#: Valid keys of a target's entry in the file.
-KEYS = ('image', 'camera_info', 'params_file', 'parameters', 'respawn')
+#: Valid keys of a target's entry in the file, with the types of their values.
+KEYS = {'image': str, 'camera_info': str, 'params_file': str, 'parameters': dict, 'respawn': bool}
+#: The types in words.
+WORDS = {str: 'text', dict: 'names with values', bool: 'true or false'}
 
 
 def generate_launch_description():
@@ -52,13 +54,14 @@ def node(path, namespace, target):
     if unknown:
         raise ValueError(f'{path}: {namespace}: unknown {", ".join(sorted(unknown))}; valid are '
                          + ', '.join(KEYS))
+    for key, value in target.items():
+        if value is not None and not isinstance(value, KEYS[key]):
+            raise ValueError(
+                f'{path}: {namespace}: {key} must be {WORDS[KEYS[key]]}, not {value!r}')
     file = target.get('params_file')
     if file and not os.path.isfile(file):
         raise FileNotFoundError(f'{path}: {namespace}: params_file {file} does not exist')
     parameters = dict(target.get('parameters') or {})
-    respawn = target.get('respawn', False)
-    if not isinstance(respawn, bool):
-        raise ValueError(f'{path}: {namespace}: respawn must be true or false, not {respawn!r}')
     # An empty init_box is left out, because launch has no type for an empty list.
     try:
         box = checked_init_box(parameters.pop(INIT_BOX, None) or [])
@@ -71,7 +74,7 @@ def node(path, namespace, target):
         parameters=[*filter(None, [file, parameters])],
         remappings=[(name, target[name]) for name in ('image', 'camera_info')
                     if target.get(name)],
-        respawn=respawn, respawn_delay=1.0,
+        respawn=bool(target.get('respawn')), respawn_delay=1.0,
         additional_env={name: value for name, value in with_profile(os.environ).items()
                         if name in VARIABLES},
         output='screen')

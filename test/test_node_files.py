@@ -251,7 +251,9 @@ def test_launch_sets_the_profile_unless_one_is_chosen(launched, monkeypatch, nam
 
 @pytest.mark.parametrize('text, words', [
     ('left: /camera', "'left': .*image, .*not '/camera'"), ('7: {image: /camera}', '7: must be'),
-    ('left: [image]', r"'left': .*not \['image'\]")])
+    ('left: [image]', r"'left': .*not \['image'\]"),
+    ('left: {image: 5}', 'left: image must be text, not 5'),
+    ('left: {parameters: [1]}', r'left: parameters must be names with values, not \[1\]')])
 def test_launch_refuses_what_is_no_target(launched, tmp_path, text, words):
     """A wrong entry in the file of targets raises an error that names it and what is valid."""
     path = tmp_path / 'targets.yaml'
