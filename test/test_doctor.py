@@ -80,6 +80,12 @@ def test_profile(monkeypatch, capsys, value, words):
     assert starting(found, 'note  no node publishes images')
 
 
+def test_transports_that_are_chosen():
+    """Where the transports are chosen by Fast DDS's own variable, no profile is advised."""
+    found = installation.profile({'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'})
+    assert 'FASTDDS_BUILTIN_TRANSPORTS=UDPv4' in found.text and not found.advice
+
+
 def test_memory_of_killed_processes(tmp_path, monkeypatch, capsys):
     """The 64 MiB segment of a killed process is reported; that of a running process isn't."""
     camera = subprocess.Popen(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 import re
+import shlex
 
 from conftest import REPOSITORY
 from documented_commands import (
@@ -76,6 +78,18 @@ def test_commands(page):
             assert (REPOSITORY / program).is_file(), words
         else:
             assert program in (*OTHERS, *EXECUTABLES) or program.startswith('.venv/bin/')
+
+
+@pytest.mark.parametrize('name', [
+    'synth', 'import', 'play', 'replay', 'evaluate', 'doctor', 'layout', 'select'])
+def test_examples_of_the_help(name):
+    """The commands that `vtrack NAME --help` shows are valid."""
+    examples = import_module(f'vtrack_ros.cli.{name}_command').EXAMPLES
+    found = [shlex.split(line.partition(' > ')[0], comments=True)
+             for line in examples.splitlines() if line.startswith(f'  vtrack {name}')]
+    assert found
+    for words in found:
+        check_vtrack(words[1:])
 
 
 def test_commands_are_found():

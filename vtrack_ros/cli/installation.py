@@ -12,7 +12,7 @@ import sys
 
 import vtrack_ros
 from vtrack_ros.dds import (
-    abandoned_memory, PROFILE, profile_path, RECEIVING, SHARED_MEMORY, VARIABLES)
+    abandoned_memory, PROFILE, profile_path, RECEIVING, SHARED_MEMORY, TRANSPORTS, VARIABLES)
 
 #: Optional module -> (what needs it, the extra of this package that installs it).
 _OPTIONAL = {
@@ -90,6 +90,8 @@ def profile(environment: Mapping[str, str]) -> Finding:
     """Return which Fast DDS profile an environment names."""
     advice = f'start the camera driver and the node with {profile_setting()} (docs/camera.md)'
     named = [environment[name] for name in VARIABLES if environment.get(name)]
+    if not named and environment.get(TRANSPORTS):
+        return Finding(f'no Fast DDS profile is set, but {TRANSPORTS}={environment[TRANSPORTS]}')
     if not named:
         return Finding('no Fast DDS profile is set in this shell', advice)
     path = Path(named[0])
