@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagError, BagReader, BagWriter  # noqa: E402
 from vtrack_ros.bags.importing import record  # noqa: E402
+from vtrack_ros.bags.player import StopRequest  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.cli.progress import ProgressBar  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
@@ -123,6 +124,7 @@ def test_the_node_needs_none_of_the_tools():
     (['import', 'no/such/folder', '--out', 'x'], 'does not exist'),
     (['play'], 'BAG'),
     (['play', 'no/such/bag'], 'does not exist'),
+    (['doctor', '--seconds', '1e12'], 'from 0 to'),
     (['replay', 'no/such/bag', '--out', 'x'], 'does not exist'),
     (['replay', 'no/such/bag'], 'does not exist'),
     (['replay', 'b', '--tracker', 'magic', '--out', 'x'], 'gmpf'),
@@ -348,6 +350,13 @@ def test_interrupted_at_the_first_line_of_progress(monkeypatch):
         # Not pytest.raises, which would keep the traceback, and with it the bar.
         interrupted = True
     assert interrupted and failures == []
+
+
+def test_playing_at_a_rate_of_almost_nothing():
+    """The wait for the second image is longer than the system can wait, and ends on request."""
+    stop = StopRequest()
+    stop.make()
+    assert stop.wait(1e300) and stop.wait(float('inf'))
 
 
 def test_closed_pipe():

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 import queue
+from threading import TIMEOUT_MAX
 import time
 from typing import Any
 
@@ -71,7 +72,7 @@ class StopRequest:
     def wait(self, seconds: float) -> bool:
         """Wait until it's made, for `seconds` at most; return whether it was made."""
         try:
-            self._requests.put(self._requests.get(timeout=seconds))
+            self._requests.put(self._requests.get(timeout=min(seconds, TIMEOUT_MAX)))
         except queue.Empty:
             return False
         return True

@@ -29,7 +29,7 @@ def _number(kind: Callable[[str], Number], low: float, high: float,
 positive_integer = _number(int, 1, math.inf, 'an integer of at least 1')
 seed = _number(int, 0, 2 ** 31 - 1, f'an integer from 0 to {2 ** 31 - 1}')
 positive_number = _number(float, math.ulp(0.0), math.inf, 'a positive number')
-duration = _number(float, 0.0, math.inf, 'a number of seconds, at least 0')
+duration = _number(float, 0.0, 1e6, 'a number of seconds from 0 to 1,000,000')
 
 
 def image_size(text: str) -> tuple[int, int]:
