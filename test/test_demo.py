@@ -129,6 +129,13 @@ def test_wrong_arguments(tmp_path, arguments, words, capsys):
     assert words in capsys.readouterr().err
 
 
+def test_a_domain_that_is_none(tmp_path, monkeypatch, capsys):
+    """What ROS refuses is an error in words, with code 2."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', 'seven')
+    assert main(['--out', str(tmp_path)]) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith('demo: failed to initialize rcl')
+
+
 def estimate(*box):
     """Return the estimate of a tracked target."""
     return Estimate(Box(*box), 0.0, np.eye(4), 1.0, TrackState.TRACKING)

@@ -99,8 +99,7 @@ def _run(words: list[str]) -> int:
         complain(prog, os_error_text(error))
         return 1
     except RuntimeError as error:
-        # What ROS refuses, such as a ROS_DOMAIN_ID that is no number.
-        if type(error).__module__.partition('.')[0] != 'rclpy':
+        if not is_of_ros(error):
             raise
         complain(prog, str(error))
         return 1
@@ -141,6 +140,11 @@ def negative_values(words: Sequence[str]) -> list[str]:
         else:
             joined.append(word)
     return joined
+
+
+def is_of_ros(error: RuntimeError) -> bool:
+    """Return whether an error is rclpy's own, such as for a ROS_DOMAIN_ID that is no number."""
+    return type(error).__module__.partition('.')[0] == 'rclpy'
 
 
 def os_error_text(error: OSError) -> str:

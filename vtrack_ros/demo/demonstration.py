@@ -17,7 +17,8 @@ from vtrack_ros.bags import BagError, BagReader
 from vtrack_ros.bags.messages import COMPRESSED_IMAGE
 from vtrack_ros.bags.topics import Topic
 from vtrack_ros.cli.arguments import box, positive_number, seed
-from vtrack_ros.cli.command_line import complain, negative_values, os_error_text, Parser, warn
+from vtrack_ros.cli.command_line import (
+    complain, is_of_ros, negative_values, os_error_text, Parser, warn)
 from vtrack_ros.cli.progress import ProgressBar
 from vtrack_ros.dds import reserve_domain, with_profile
 from vtrack_ros.drawing import Film
@@ -76,6 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except (BagError, DemoError, NoImagesError) as error:
             print(f'demo: {error}', file=sys.stderr)
             return 2
+        except RuntimeError as error:
+            if not is_of_ros(error):
+                raise
+            return complain('demo', str(error))
         except OSError as error:
             return complain('demo', os_error_text(error))
 
