@@ -54,7 +54,7 @@ def starting(found, text):
 
 def test_without_ros(monkeypatch, capsys):
     """It lists what is installed, what is missing, and how to install it."""
-    for name in ('rclpy', 'aiohttp', 'rosbags'):
+    for name in ('rclpy', 'aiohttp', 'rosbags', 'tqdm', 'threadpoolctl'):
         monkeypatch.setitem(sys.modules, name, None)
     code, found = lines(capsys)
     assert code == 0
@@ -63,6 +63,9 @@ def test_without_ros(monkeypatch, capsys):
     assert 'no vtrack select' in starting(found, 'note  aiohttp')
     line = starting(found, 'note  rosbags')
     assert 'apt' not in found[found.index(line) + 1]
+    # one that isn't only for progress bars, and one that can be done without
+    assert 'evaluate' in line and 'replay' in starting(found, 'note  tqdm')
+    assert 'evaluate' not in starting(found, 'note  threadpoolctl')
     assert 'needs rclpy' in starting(found, 'note  no ROS') and 'scripts/setup' in found[-1]
 
 

@@ -16,9 +16,11 @@ from vtrack_ros.dds import (
 
 #: Optional module -> (what needs it, the extra of this package that installs it).
 _OPTIONAL = {
-    'rosbags': ('bags', 'tools'), 'joblib': ('vtrack evaluate', 'tools'),
+    'rosbags': ('vtrack synth, import, play, replay and evaluate', 'tools'),
+    'joblib': ('vtrack evaluate', 'tools'),
     'jinja2': ('reports', 'tools'), 'matplotlib': ('reports', 'tools'),
-    'tqdm': ('progress bars', 'tools'), 'threadpoolctl': ('vtrack evaluate', 'tools'),
+    'tqdm': ('vtrack synth, import, replay and evaluate', 'tools'),
+    'threadpoolctl': ('limit of the threads with --jobs 1', 'tools'),
     'aiohttp': ('vtrack select', 'select')}
 #: Shared memory in bytes: the minimum that must be free for two processes; and the amount left by
 #: killed processes from which freeing it is advised.
