@@ -38,9 +38,10 @@ def demo(repository, *arguments):
 def test_face_fast(repository, tmp_path):
     """The face is tracked, the figures add up, and the pictures are there."""
     # Slowly enough for a busy machine: the face would be lost with dropped frames.
-    run = demo(repository, '--out', tmp_path, '--json', tmp_path / 'figures.json', '--rate', 0.2)
+    out = tmp_path / 'out'
+    run = demo(repository, '--out', out, '--json', out / 'figures.json', '--rate', 0.2)
     assert run.returncode == 0, run.stdout + run.stderr
-    figures = json.loads((tmp_path / 'figures.json').read_text())
+    figures = json.loads((out / 'figures.json').read_text())
     assert set(figures) == KEYS
     assert figures['frames_sent'] == 50
     assert figures['frames_received'] + figures['frames_dropped'] == 50
@@ -50,9 +51,9 @@ def test_face_fast(repository, tmp_path):
         figures['latency_ms_p99'])
     for words in ('frames sent', '50', 'mean IoU', 'ms per frame', 'latency p99'):
         assert words in run.stdout
-    sheet = cv2.imread(str(tmp_path / 'contact_sheet.png'))
+    sheet = cv2.imread(str(out / 'contact_sheet.png'))
     assert sheet is not None and sheet.shape[1] > 1000
-    video = cv2.VideoCapture(str(tmp_path / 'video.mp4'))
+    video = cv2.VideoCapture(str(out / 'video.mp4'))
     assert sum(1 for _ in iter(lambda: video.read()[0], False)) == 50
 
 
@@ -118,6 +119,7 @@ def test_untracked_target_is_a_failure(repository, tmp_path, capsys):
     (['--seed', '-1'], 'from 0 to'),
     (['--init-box', '1,2,3'], 'X,Y,WIDTH,HEIGHT'),
     (['--topic', '/nothing'], '/nothing'),
+    (['--json', 'nowhere/figures.json'], 'no folder'),
 ])
 def test_wrong_arguments(tmp_path, arguments, words, capsys):
     """Wrong arguments end it with code 2, and words that say what's valid."""

@@ -104,6 +104,8 @@ def _demonstrate(options: argparse.Namespace) -> int:
             raise DemoError(f'{options.bag} has no ground-truth box for the first frame: '
                             'give the target with --init-box X,Y,WIDTH,HEIGHT')
         options.out.mkdir(parents=True, exist_ok=True)
+        if options.json is not None and not options.json.resolve().parent.is_dir():
+            raise DemoError(f'there is no folder {options.json.resolve().parent}')
         print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
               f'{options.tracker}, seed {options.seed}')
         show = ProgressBar('frames')
