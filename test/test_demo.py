@@ -120,6 +120,7 @@ def test_untracked_target_is_a_failure(repository, tmp_path, capsys):
     (['--init-box', '1,2,3'], 'X,Y,WIDTH,HEIGHT'),
     (['--topic', '/nothing'], '/nothing'),
     (['--json', 'nowhere/figures.json'], 'no folder'),
+    (['--camera', 'film.avi', '--rate', '2', '--json', 'f'], 'combined with --rate, --json'),
 ])
 def test_wrong_arguments(tmp_path, arguments, words, capsys):
     """Wrong arguments end it with code 2, and words that say what's valid."""

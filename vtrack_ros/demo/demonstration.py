@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from vtrack_ros.ros.recorder import Answer
 
 _ROOT = Path(__file__).resolve().parents[2]
+#: Options that say nothing of a camera.
+_OF_BAGS = ('bag', 'topic', 'init_box', 'rate', 'json')
 #: The demo fails below this share of tracked frames, or below this mean overlap (IoU).
 LEAST_TRACKED, LEAST_IOU = 0.5, 0.3
 
@@ -66,7 +68,12 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the demo; return 0 if the target was tracked, 1 if not, 2 if it couldn't be run."""
     words = sys.argv[1:] if arguments is None else arguments
-    options = parser().parse_args(negative_values(words))
+    of_demo = parser()
+    options = of_demo.parse_args(negative_values(words))
+    wrong = [f"--{name.replace('_', '-')}" for name in _OF_BAGS
+             if getattr(options, name) != of_demo.get_default(name)]
+    if options.camera is not None and wrong:
+        of_demo.error(f'--camera can\'t be combined with {", ".join(wrong)}')
     with nullcontext() if 'ROS_DOMAIN_ID' in os.environ else reserve_domain():
         # Before the imports of ROS, when Fast DDS reads the profile.
         os.environ.update(with_profile(os.environ))
