@@ -44,6 +44,23 @@ def test_a_box_at_the_border_is_no_crash(name, files):
         assert 0 <= tracker.update(video.frame(START)).confidence <= 1
 
 
+@pytest.mark.parametrize('name, files', HERE)
+def test_after_a_start_that_failed_there_is_no_target(name, files):
+    """OpenCV's own trackers may crash in an update then; here it's an error that says why."""
+    frame = DrawnVideo().frame(START)
+    for again in (False, True):
+        tracker = create_tracker(name, seed=0, **files)
+        if again:
+            tracker.start(frame, box_at(START))
+        try:
+            tracker.start(frame, Box(frame.shape[1] - 0.4, 10, 5, 5))
+        except ValueError:
+            with pytest.raises(RuntimeError, match=r'call start\(frame, box\)'):
+                tracker.update(frame)
+            tracker.start(frame, box_at(START))
+        assert 0 <= tracker.update(frame).confidence <= 1
+
+
 def test_one_that_opencv_lacks_is_refused():
     """The error says which OpenCV it needs; the names of all are listed."""
     lacking = [name for name in tracker_names() if name.startswith('opencv_')

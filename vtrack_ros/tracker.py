@@ -150,7 +150,12 @@ class Tracker(ABC):
         frame = checked_frame(frame)
         checked_box(box, frame)
         self._frame_shape = frame.shape
-        return self._start(frame, box)
+        try:
+            return self._start(frame, box)
+        except BaseException:
+            # it may be half made: OpenCV's trackers can crash if they are updated then
+            self._frame_shape = None
+            raise
 
     def update(self, frame: Frame, dt: float = 1.0) -> Estimate:
         """
@@ -168,7 +173,7 @@ class Tracker(ABC):
         Raises
         ------
         RuntimeError
-            If the tracker was never started.
+            If the tracker was never started, or its last start failed.
         TypeError, ValueError
             If the frame's type or shape is wrong, or dt is out of range; the tracker is as it was.
 
