@@ -1,5 +1,8 @@
 """OpenCV's trackers behind the same interface: box and state, but no covariance."""
 
+import subprocess
+import sys
+
 import cv2
 from drawn_video import box_at, DrawnVideo, START
 import numpy as np
@@ -59,6 +62,28 @@ def test_after_a_start_that_failed_there_is_no_target(name, files):
                 tracker.update(frame)
             tracker.start(frame, box_at(START))
         assert 0 <= tracker.update(frame).confidence <= 1
+
+
+def test_mil_refuses_a_box_that_is_too_small_for_its_features():
+    """OpenCV would search such a feature forever; so it's tried in a process of its own."""
+    code = """
+import numpy as np
+from vtrack_ros.trackers import Box, create_tracker
+frame = np.random.default_rng(0).integers(256, size=(120, 160, 3), dtype=np.uint8)
+for width, height in ((1, 60), (2, 10), (3, 5), (4.4, 4), (0.2, 0.3), (2, 11), (3, 6), (5, 4)):
+    tracker = create_tracker('opencv_mil', seed=0)
+    try:
+        tracker.start(frame, Box(70, 40, width, height))
+    except ValueError as error:
+        print(error)
+    else:
+        tracker.update(frame)
+"""
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    refused = done.stdout.splitlines()
+    assert len(refused) == 5
+    assert all("opencv_mil can't start on Box(" in one and 'too small' in one for one in refused)
 
 
 def test_one_that_opencv_lacks_is_refused():

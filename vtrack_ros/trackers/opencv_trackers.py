@@ -104,8 +104,14 @@ class MIL(OpenCVTracker):
     OPENCV_NAME = 'TrackerMIL'
     NEEDS = 'the module video'
     DETERMINISTIC = False
+    #: Least product of width - 1 and height - 1, [px]: in a smaller box no feature has the area
+    #: of 9 that OpenCV needs, and it would draw places for one forever.
+    _LEAST_AREA = 10
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
+        _, _, width, height = _whole(box)
+        if (width - 1) * (height - 1) < self._LEAST_AREA:
+            raise ValueError(f"{self.NAME} can't start on {box}: it's too small for the features")
         # It draws from OpenCV's global generator and from the C library's.
         cv2.setRNGSeed(int(self._rng.integers(2**31)))
         ctypes.CDLL(None).srand(int(self._rng.integers(2**31)))
