@@ -206,6 +206,14 @@ def test_huge_numbers_are_refused(target, make):
             SavedTarget.parsed(json.dumps({**json.loads(target.text()), **make(huge)}))
 
 
+@pytest.mark.parametrize('name', ['box', 'first_box'])
+def test_a_box_of_no_size_is_refused(target, name):
+    """A box too small for numbers is refused as it's read: no tracker can be started on it."""
+    rows = {**json.loads(target.text()), name: {'x': 0, 'y': 0, 'width': 1e-170, 'height': 9}}
+    with pytest.raises(ValueError, match='side'):
+        SavedTarget.parsed(json.dumps(rows))
+
+
 def test_a_target_that_cannot_be_taken_up_is_none(target):
     """A rotated box whose bound is outside the image raises a ValueError, and isn't tracked."""
     data = replace(target, box=Box(100, 100, 1000, 20), angle=1.0)

@@ -124,6 +124,9 @@ def test_wrong_calls_are_refused_and_do_no_harm(name):
     for side in (1.1e6, 1.5e300):
         with pytest.raises(ValueError, match='too large; .* at most 1000000 px'):
             tracker.start(frames[0], Box(20 - side / 2, 10, side, 20))
+    for size in ((5e-324, 20), (1e-7, 1e-7), (1e-160, 1e-160), (20, 1e-200)):
+        with pytest.raises(ValueError, match='too small; .* at least 1e-06 px'):
+            tracker.start(frames[0], Box(0, 0, *size))
     for wrong in ('1', None, [1.0]):
         with pytest.raises(TypeError, match='dt must be a number'):
             tracker.update(frames[1], wrong)

@@ -49,7 +49,7 @@ def test_a_box_at_the_border_is_no_crash(name, files):
 
 @pytest.mark.parametrize('name, files', HERE)
 def test_after_a_start_that_failed_there_is_no_target(name, files):
-    """OpenCV's own trackers may crash in an update then; here it's an error that says why."""
+    """An update, in which one of OpenCV's may crash then, is an error that says why."""
     frame = DrawnVideo().frame(START)
     for again in (False, True):
         tracker = create_tracker(name, seed=0, **files)
@@ -65,7 +65,7 @@ def test_after_a_start_that_failed_there_is_no_target(name, files):
 
 
 def test_mil_refuses_a_box_that_is_too_small_for_its_features():
-    """OpenCV would search such a feature forever; so it's tried in a process of its own."""
+    """Else OpenCV searches a feature forever; so it's tried in a process of its own."""
     code = """
 import numpy as np
 from vtrack_ros.trackers import Box, create_tracker

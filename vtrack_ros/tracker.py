@@ -15,8 +15,9 @@ from vtrack_ros.parameters import ParameterTable, Value
 #: Bounds of the time between two frames, in frame intervals: beyond them numbers under- or
 #: overflow in the filters.
 SHORTEST_DT, LONGEST_DT = 1e-9, 1e9
-#: The greatest side of a target's box, in pixels: no image's side is longer.
-GREATEST_SIDE = 1e6
+#: Bounds of the sides of a target's box, in pixels: below them numbers underflow, and no image's
+#: side is longer.
+SHORTEST_SIDE, GREATEST_SIDE = 1e-6, 1e6
 
 
 class TrackState(enum.Enum):
@@ -144,7 +145,7 @@ class Tracker(ABC):
             If the frame isn't an ndarray of uint8, or the box isn't a Box.
         ValueError
             If the frame has another shape, no pixel of the box is inside it, or a side of the
-            box is longer than a million pixels.
+            box isn't from a millionth of a pixel to a million pixels.
 
         """
         frame = checked_frame(frame)
@@ -222,13 +223,16 @@ def checked_frame(frame: Any) -> Frame:
 
 
 def checked_box(box: Any, frame: Frame) -> None:
-    """Check that a box is a Box (TypeError), not too large, and partly inside (ValueError)."""
+    """Check that a box is a Box (TypeError), of a possible size, partly inside (ValueError)."""
     if not isinstance(box, Box):
         raise TypeError(f'box must be a Box(x, y, width, height), not {type(box).__name__}')
     height, width = frame.shape[:2]
     name = f'box ({box.x:g}, {box.y:g}, {box.width:g}, {box.height:g})'
     if box.clipped(width, height) is None:
         raise ValueError(f'{name} has no pixel inside the image of {width} x {height}')
+    if min(box.width, box.height) < SHORTEST_SIDE:
+        raise ValueError(f'{name} is too small; width and height must be at least '
+                         f'{SHORTEST_SIDE:g} px')
     if max(box.width, box.height) > GREATEST_SIDE:
         raise ValueError(f'{name} is too large; width and height must be at most '
                          f'{GREATEST_SIDE:.0f} px')

@@ -19,7 +19,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.session.exemplar import Exemplar, LONGEST_SIDE, surroundings
 from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.session import TrackingSession
-from vtrack_ros.tracker import GREATEST_SIDE
+from vtrack_ros.tracker import GREATEST_SIDE, SHORTEST_SIDE
 
 #: How the text of a saved target begins; any other text is rejected.
 MARK = '{"format": "vtrack_ros target 1"'
@@ -104,9 +104,10 @@ class SavedTarget:
             raise ValueError('its picture is not inside the image')
         if box.clipped(shape[1], shape[0]) is None:
             raise ValueError('its box is not inside the image')
-        if max(box.width, box.height, first_box.width, first_box.height) > GREATEST_SIDE:
-            raise ValueError(f'a box with a side of more than {GREATEST_SIDE:.0f} px is '
-                             'impossible')
+        sides = box.width, box.height, first_box.width, first_box.height
+        if min(sides) < SHORTEST_SIDE or max(sides) > GREATEST_SIDE:
+            raise ValueError(f'a box with a side that is not from {SHORTEST_SIDE:g} to '
+                             f'{GREATEST_SIDE:.0f} px is impossible')
         if not abs(angle) <= math.tau:
             raise ValueError(f'a rotation of {angle} rad is impossible')
         return cls(node, tracker, (class_id, target_id), time, stamp, interval, frame_id, shape,
