@@ -70,6 +70,28 @@ assert main(['replay', bag, '--tracker', 'steady', '--set', 'share=9']) == 2
         assert words in line
 
 
+def test_of_two_packages_with_one_name_a_single_one_is_used(site, repository, tmp_path):
+    """The other one is warned of, whichever is found first; before, the last one was used."""
+    (tmp_path / 'second.py').write_text(
+        'from steady_tracker import SteadyTracker\nclass Second(SteadyTracker): pass\n')
+    information = tmp_path / 'second-1.0.dist-info'
+    information.mkdir()
+    (information / 'METADATA').write_text('Metadata-Version: 2.1\nName: second\nVersion: 1.0\n')
+    (information / 'entry_points.txt').write_text(
+        '[vtrack_ros.trackers]\nsteady = second:Second\n')
+    for folders, used, left in (
+            ((site, tmp_path), 'SteadyTracker', 'second:Second'),
+            ((tmp_path, site), 'Second', 'steady_tracker:SteadyTracker')):
+        done = subprocess.run(
+            [sys.executable, '-c', 'from vtrack_ros.trackers import tracker_class, tracker_names\n'
+             'print(tracker_class("steady").__name__, tracker_names().count("steady"))'],
+            capture_output=True, text=True,
+            env={**os.environ, 'PYTHONPATH': os.pathsep.join(map(str, (repository, *folders)))})
+        assert done.stdout.split() == [used, '1'], done.stderr
+        [line] = [line for line in done.stderr.splitlines() if "tracker 'steady'" in line]
+        assert left in line and 'another package' in line
+
+
 def test_node_and_page(site):
     """The node tracks with it; the page of vtrack select offers it, and sets its parameters."""
     scene = Scene()

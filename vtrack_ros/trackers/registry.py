@@ -77,6 +77,8 @@ def _installed() -> dict[str, type[Tracker]]:
         try:
             cls = entry.load()
             _check(entry.name, cls)
+            if found.get(entry.name, cls) is not cls:
+                raise ValueError('another package has a tracker of that name')
         # Whatever error another package's module raises, the other trackers must stay available.
         except Exception as error:  # noqa: B902
             warnings.warn(f'tracker {entry.name!r} of {entry.value} is ignored: '
