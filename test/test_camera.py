@@ -102,6 +102,7 @@ def test_covariance_in_metres_against_a_sample():
     ('plumb_bob', (-0.25, 0.05, 0.0, 0.0)),
     ('rational_polynomial', (0.5, -0.1, 0.001, 0.0005, 0.01, 0.8, -0.05, 0.02)),
     ('equidistant', (-0.02, 0.01, -0.003, 0.0005)),
+    ('plumb_bob', ()), ('rational_polynomial', ()), ('equidistant', ()),
 ])
 def test_distortion_is_undone(model, coefficients):
     """The ray of a projected ray's pixel is that ray."""

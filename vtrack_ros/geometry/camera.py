@@ -62,8 +62,8 @@ class Camera:
         In pixels as a `Box` counts them: from the outer corner of the first pixel.
         """
         place = np.array([[[x, y, 1.0]]]), np.zeros(3), np.zeros(3), self._matrix, self._distortion
-        projection = (cv2.fisheye.projectPoints if self.model == 'equidistant'
-                      else cv2.projectPoints)
+        bent = self.model == 'equidistant' and self.coefficients
+        projection = cv2.fisheye.projectPoints if bent else cv2.projectPoints
         column, row = projection(*place)[0].ravel()
         return (float(column + 0.5 - self.offset[0]) / self.binning[0],
                 float(row + 0.5 - self.offset[1]) / self.binning[1])
