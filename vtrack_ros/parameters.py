@@ -66,7 +66,11 @@ class Parameter:
             fits = isinstance(value, str)
         if not fits:
             raise TypeError(f'{self.name} must be {self.valid}, not {value!r}')
-        result: Value = kind(value)
+        try:
+            result: Value = kind(value)
+        except OverflowError:
+            # an integer beyond any float
+            raise ValueError(f'{self.name} must be {self.valid}, not {value!r}') from None
         if self.choices and result not in self.choices:
             raise ValueError(f'{self.name} must be {self.valid}, not {value!r}')
         if isinstance(result, (int, float)) and kind is not bool:
