@@ -1,5 +1,6 @@
 """OpenCV's trackers behind the same interface: box and state, but no covariance."""
 
+import shutil
 import subprocess
 import sys
 
@@ -110,3 +111,14 @@ def test_networks_need_their_files():
     assert session.tracker == 'gmpf'
     session.change(tracker='opencv_nano', parameters={'opencv_nano': NANO})
     assert session.update(DrawnVideo().frame(START), 1).box.iou(box_at(START)) > 0.4
+
+
+@pytest.mark.skipif(not tracker_class('opencv_nano').available(), reason='needs TrackerNano')
+def test_a_network_whose_file_has_gone_is_a_value_error(tmp_path):
+    """The files are read at each start, and one may have been removed since it was set."""
+    files = {name: shutil.copy(path, tmp_path / name) for name, path in NANO.items()}
+    tracker = create_tracker('opencv_nano', seed=0, **{
+        name: str(path) for name, path in files.items()})
+    (tmp_path / 'head').unlink()
+    with pytest.raises(ValueError, match="opencv_nano can't start on Box"):
+        tracker.start(DrawnVideo().frame(START), box_at(START))

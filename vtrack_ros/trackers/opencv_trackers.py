@@ -52,9 +52,9 @@ class OpenCVTracker(Tracker):
         return _factory(self.OPENCV_NAME)()
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
-        self._peer = self._create()
         self._box = box
         try:
+            self._peer = self._create()
             self._peer.init(_colour(frame), _whole(box))
         except cv2.error as error:
             raise ValueError(f"{self.NAME} can't start on {box}: {error}") from None
