@@ -30,11 +30,12 @@ class MeanShiftParticleFilter(LocalisedTracker):
     Mean shift and few particles on the response map, in place of pixels' colours [Yin2013].
 
     As in the paper, mean shift gives y_ms, the best particle gives y_pf, and the two are fused by
-    their distance and the similarity zeta (eqs 13-15). Two things differ. The map that is climbed
-    isn't the colour histogram's weights, but the response of a discriminative model; zeta is the
-    response as a share of the usual one. And the climb starts at the place that the guided search
-    has found, which is also the result where fusion gives none. The particles are drawn about the
-    tracker's own forecast, which repeats a part of the last step.
+    their distance and the similarity zeta (eqs 13-15). Three things differ. The map that is
+    climbed isn't the colour histogram's weights, but the response of a discriminative model; zeta
+    is the response as a share of the usual one. The climb starts at the place that the guided
+    search has found, which is also the result where fusion gives none. And y_pf isn't the best
+    particle's own place, but the maximum that mean shift climbs to from there. The particles are
+    drawn about the tracker's own forecast, which repeats a part of the last step.
 
     The bandwidth follows the size that the model measures, and the rotation is the model's, too:
     the second moments of a foreground map turn with limbs and background rather than the target.
