@@ -6,6 +6,7 @@ import math
 from drawn_video import box_at, COLOURS, DrawnVideo, SIZE, START, TARGET, texture
 import numpy as np
 import pytest
+from siamese_files import network_files
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import Localiser
@@ -308,6 +309,23 @@ def test_the_first_look_passing_in_front_is_not_followed(name):
         tracker = create_tracker(name, seed=seed)
         tracker.start(images[0], box)
         assert min(tracker.update(image).box.iou(box) for image in images[1:]) > 0.7
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_what_was_followed_before_a_network_is_forgotten(seed):
+    """A network follows no distractors: one that went meanwhile hides no target afterwards."""
+    (first, center), *frames = meeting(seed)[:18]
+    tracker = create_tracker('gmpf', seed=seed)
+    tracker.start(first, box_at(center))
+    for frame, center in frames:
+        tracker.update(frame)
+    video = DrawnVideo(seed=seed)
+    for localiser, step in (('siamese', 0.0), ('dcf', 3.0)):
+        tracker.configure(localiser=localiser, **network_files())
+        for _ in range(8):
+            center = center[0] + step, center[1]
+            estimate = tracker.update(video.frame(center))
+    assert estimate.box.iou(box_at(center)) > 0.7
 
 
 def test_while_a_double_hides_it_the_particles_spread():

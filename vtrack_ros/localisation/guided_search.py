@@ -103,6 +103,9 @@ class GuidedSearch:
         target = self._target
         self._start, self._motion = target.center, None
         self._frames += 1
+        if target.network is not None:
+            # it follows none, so those that filters followed before would stay where they were
+            self._distractors = Distractors()
         before, self._picture = self._picture, SparsePicture.of(frame)
         self._shift = before.camera_step(self._picture)
         self._transform(frame, dt)
