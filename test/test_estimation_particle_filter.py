@@ -145,6 +145,16 @@ def test_particles_may_be_set_without_a_start():
     np.testing.assert_allclose(particle_filter.belief.mean, [1.5, 1.0])
 
 
+def test_particles_that_are_refused_change_nothing():
+    particle_filter = make(particles=30, threshold=1.0)
+    kept = particle_filter.belief
+    with pytest.raises(ValueError, match='states must have the shape'):
+        particle_filter.set_particles(kept.states[:5], np.zeros(4))
+    assert particle_filter.belief is kept and particle_filter.particles == 30
+    particle_filter.step(np.zeros(2))
+    assert len(particle_filter.belief) == 30
+
+
 def test_simplified_weights_are_the_likelihood_alone():
     particle_filter = make(proposal=GreyProposal(), weighting='simplified', threshold=1.0)
     for step in range(8):

@@ -104,8 +104,8 @@ class ParticleFilter:
         states = self._checked_states(states)
         weights = (Weights.uniform(len(states)) if log_weights is None
                    else Weights.from_log(log_weights))
-        self.particles = len(states)
         belief, old = Belief(states, weights), self._belief
+        self.particles = len(states)
         time = old.time if old is not None else 0.0
         memory = ((old.estimates, old.estimate_times) if old is not None
                   else self._remembered((), (), belief.mean, time))
