@@ -9,7 +9,8 @@ from hypothesis.extra.numpy import arrays
 import numpy as np
 import pytest
 
-from vtrack_ros.estimation import Belief, gm11_forecast, GreyProposal, Weights
+from vtrack_ros.estimation import (
+    Belief, ConstantVelocity, gm11_forecast, GreyProposal, Weights)
 
 LENGTHS = (4, 5, 6, 8)
 equivariant_forecast = partial(gm11_forecast, margin=10.0)
@@ -187,3 +188,15 @@ def test_dropped_frames_do_not_bend_a_line(times):
         position, velocity = proposal.forecast(belief, step)
         assert position == pytest.approx(200 + 20 * (times[-1] + step), abs=0.15 * 20 * step)
         assert velocity == pytest.approx(20, rel=0.15)
+
+
+def test_a_forecast_so_far_ahead_that_its_spread_overflows_is_not_drawn_from():
+    """P_k of eq. 17 has the square of the forecast motion: infinite, though that is finite."""
+    model, times = ConstantVelocity(2), (0.0, 1.0, 2.0, 3.0, 4.0)
+    estimates = tuple(np.array([100 + 8.0 * time, 100, 8, 0]) for time in times)
+    belief = Belief(np.tile(estimates[-1], (20, 1)), Weights.uniform(20), 4.0, None, estimates,
+                    times)
+    proposal = GreyProposal(5, margin=None)
+    assert np.isfinite(proposal.forecast(belief, 1e4)).all()
+    proposed = proposal.propose(model, belief, 1e4, np.random.default_rng(1))
+    assert np.isfinite(proposed.states).all() and proposed.log_density is None

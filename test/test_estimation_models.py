@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_walk import RandomWalk
 
-from vtrack_ros.estimation import central_differences, ConstantVelocity
+from vtrack_ros.estimation import central_differences, ConstantVelocity, GaussianNoise
 
 MODELS = {
     'constant velocity': ConstantVelocity(2, 2, 0.7, 0.2),
@@ -186,3 +186,9 @@ def test_simulation_is_seeded_and_of_the_right_shape(model):
 def test_wrong_parameters_are_refused(make, name):
     with pytest.raises(ValueError, match=name):
         make()
+
+
+@pytest.mark.parametrize('value', [math.inf, math.nan])
+def test_a_covariance_that_is_not_finite_is_not_factorised(value):
+    with pytest.raises(ValueError, match='noise must be'):
+        GaussianNoise.from_covariance(np.diag([1.0, value]), 'noise')

@@ -230,8 +230,9 @@ class GreyProposal(Proposal):
         weights, states, about = belief.weights.values, belief.states, forecast
         if self.spread == 'predicted':
             states, about = predicted, weights @ predicted
+        with np.errstate(over='ignore', invalid='ignore'):
+            spread = spread_about(about, states, weights)
         try:
-            return GaussianNoise.from_covariance(
-                spread_about(about, states, weights) + self.floor * noise.covariance)
+            return GaussianNoise.from_covariance(spread + self.floor * noise.covariance)
         except ValueError:
             return None

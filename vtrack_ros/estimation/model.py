@@ -59,11 +59,15 @@ class GaussianNoise:
 
     @classmethod
     def from_covariance(cls, covariance: Array, name: str = 'covariance') -> GaussianNoise:
-        """Factorise a covariance, shape (n, n); ValueError where it isn't positive definite."""
+        """Factorise a covariance, (n, n); ValueError unless finite and positive definite."""
         try:
-            return cls(covariance, np.linalg.cholesky(covariance))
+            factor = np.linalg.cholesky(covariance)
         except np.linalg.LinAlgError:
             raise ValueError(f'{name} must be positive definite') from None
+        # infinity and NaN raise nothing
+        if not np.isfinite(factor).all():
+            raise ValueError(f'{name} must be finite')
+        return cls(covariance, factor)
 
     @cached_property
     def whitener(self) -> Array:
