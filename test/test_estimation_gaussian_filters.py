@@ -155,6 +155,19 @@ def test_integrating_over_the_measured_components_alone_loses_nothing(order):
         rtol=1e-7, atol=1e-9)
 
 
+def test_a_linear_transition_needs_no_rule_over_all_components():
+    """In fourteen dimensions it would have millions of points, of which none is ever used."""
+    model = ConstantVelocity(2, 10)
+    prior = Gaussian.from_moments(np.arange(14.0), np.eye(14))
+    filters = SigmaPointFilter(model, gauss_hermite), KalmanFilter(model)
+    ours, expected = (one.update(one.predict(prior, 0.5), np.array([2.0, 1.0])).posterior
+                      for one in filters)
+    np.testing.assert_allclose(ours.mean, expected.mean, rtol=1e-9)
+    np.testing.assert_allclose(ours.covariance, expected.covariance, rtol=1e-9, atol=1e-12)
+    with pytest.raises(ValueError, match='points'):
+        SigmaPointFilter(model, gauss_hermite, measured_only=False)
+
+
 def test_the_quadratic_measurement_by_hand():
     """
     The best linear estimate for z = x^2 / 20 + w with x ~ N(m, p).

@@ -7,7 +7,7 @@ import numpy as np
 from vtrack_ros.estimation.kalman import (
     covariance_factors, GaussianFilter, innovate, matrix_times, symmetrised)
 from vtrack_ros.estimation.model import GaussianNoise, StateSpaceModel
-from vtrack_ros.estimation.sigma_points import RuleFactory
+from vtrack_ros.estimation.sigma_points import RuleFactory, SigmaPointRule
 from vtrack_ros.frame import Array
 
 
@@ -46,15 +46,16 @@ class SigmaPointFilter(GaussianFilter):
             components = list(measured)
         rest = [i for i in range(model.state_dimension) if i not in components]
         self.update_rule = rule(len(components))
-        self.transition_rule = (self.update_rule if not rest else rule(model.state_dimension))
+        # only a transition that isn't linear needs one: over all components it may be huge
+        self.transition_rule: SigmaPointRule | None = None
+        if model.transition_matrix(1.0) is None:
+            self.transition_rule = rule(model.state_dimension) if rest else self.update_rule
         self._order = None if components + rest == sorted(components + rest) else np.array(
             components + rest)
         self._signed = bool((self.update_rule.covariance_weights < 0).any())
 
     def _floats_per_belief(self) -> int:
-        points = len(self.update_rule)
-        if self.model.transition_matrix(1.0) is None:
-            points = max(points, len(self.transition_rule))
+        points = max(len(self.update_rule), len(self.transition_rule or ()))
         return max(points * self.model.state_dimension, super()._floats_per_belief())
 
     def _predict(
@@ -64,6 +65,7 @@ class SigmaPointFilter(GaussianFilter):
         if matrix is not None:
             return self._propagate(mean, covariance, matrix, dt, time)
         rule = self.transition_rule
+        assert rule is not None
         moved = self._at_points(
             lambda points: self.model.transition(points, dt, time), rule.points, mean,
             covariance_factors(covariance))
