@@ -192,3 +192,11 @@ def test_wrong_parameters_are_refused(make, name):
 def test_a_covariance_that_is_not_finite_is_not_factorised(value):
     with pytest.raises(ValueError, match='noise must be'):
         GaussianNoise.from_covariance(np.diag([1.0, value]), 'noise')
+
+
+def test_whole_numbers_may_be_floats():
+    """As for every count, e.g. one that was computed."""
+    assert ConstantVelocity(2.0, 2.0).state_dimension == 6
+    for count in (2.5, 0, math.nan):
+        with pytest.raises(ValueError, match='positions'):
+            ConstantVelocity(count)

@@ -145,3 +145,10 @@ def test_regrouping_as_printed_shrinks_the_second_moment(order, second_moment):
 def test_wrong_arguments_are_refused(make, name):
     with pytest.raises(ValueError, match=name):
         make()
+
+
+def test_the_pruning_threshold_checks_its_numbers():
+    assert pruning_threshold(2.0, 3.0) == pruning_threshold(2, 3)
+    assert len(pruned_gauss_hermite(2.0, 3.0)) == len(pruned_gauss_hermite(2, 3))
+    with pytest.raises(ValueError, match='dimension'):
+        pruning_threshold(0, 3)

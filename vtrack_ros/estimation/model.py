@@ -237,8 +237,8 @@ class ConstantVelocity(LinearModel):
     def __init__(
             self, positions: int = 2, wandering: int = 0, acceleration_density: float = 1.0,
             wander_density: float = 1.0, measurement_noise: ArrayLike | None = None) -> None:
-        self.positions = checked_count('positions', positions)
-        self.wandering = checked_count('wandering', wandering, least=0)
+        self.positions = positions = checked_count('positions', positions)
+        self.wandering = wandering = checked_count('wandering', wandering, least=0)
         self.acceleration_density = checked_positive('acceleration_density', acceleration_density)
         self.wander_density = checked_positive('wander_density', wander_density)
         noise = np.eye(positions) if measurement_noise is None else np.asarray(measurement_noise)

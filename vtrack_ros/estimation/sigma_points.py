@@ -106,8 +106,9 @@ def pruning_threshold(dimension: int, order: int, printed: bool = False) -> floa
     case of `omega_1 omega_mid / m^(n-1)` (Jaeckel, 2005), the default. Either way nothing is
     pruned in one dimension; the printed one leaves only the centre in five or more (third order).
     """
-    _, weights = hermite_nodes(checked_count('order', order))
-    power = 1 if printed else dimension - 1
+    order = checked_count('order', order)
+    _, weights = hermite_nodes(order)
+    power = 1 if printed else checked_count('dimension', dimension) - 1
     return float(weights[0] * weights[(order + 1) // 2 - 1] / order ** power)
 
 
