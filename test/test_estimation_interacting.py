@@ -30,6 +30,17 @@ def test_infinite_time_constant_is_constant_velocity():
     assert both.covariance[0] == pytest.approx(alone.covariance[0])
 
 
+@pytest.mark.parametrize('densities, constants, message', [
+    ([1.0, -1.0], [1.0, 1.0], 'densities'), ([1.0, 0.0], [1.0, 1.0], 'densities'),
+    ([1.0], [1.0, 1.0], 'densities'), ([1.0, 1.0], [1.0, 0.0], 'time_constants'),
+    ([1.0, 1.0], [1.0, -0.1], 'time_constants'), ([1.0], [math.nan], 'time_constants'),
+    ([1.0], 1.0, 'time_constants')])
+def test_wrong_hypotheses_are_refused(densities, constants, message):
+    """A negative density would give a covariance that isn't one."""
+    with pytest.raises(ValueError, match=message):
+        VelocityHypotheses(2, densities, constants)
+
+
 @pytest.mark.parametrize('dt', [1e-5, 0.01, 0.3])
 def test_two_steps_are_one_of_twice_the_time(dt):
     """Prediction doesn't depend on the step size: F F = F(2 dt), and F Q F' + Q = Q(2 dt)."""

@@ -18,16 +18,22 @@ class VelocityHypotheses(LinearModel):
     is driven by white acceleration of a spectral density, [unit^2/s^3], and decays exponentially
     with a time constant, [s]; an infinite one gives the model of `ConstantVelocity`. A decaying
     velocity is an Ornstein-Uhlenbeck process, whose moments are exact (Uhlenbeck and Ornstein,
-    1930).
+    1930). ValueError unless densities and time constants, shape (K,) both, are positive.
 
     Matrices are stacked, shape (K, 2d, 2d), so that a `KalmanFilter` takes K beliefs in one go.
     """
 
     def __init__(self, positions: int, densities: ArrayLike, time_constants: ArrayLike) -> None:
         self.positions = d = checked_count('positions', positions)
-        rates = checked_array('rates', 1 / np.asarray(time_constants, np.float64), (None,))
-        self._hypotheses = list(zip(
-            checked_array('densities', densities, rates.shape).tolist(), rates.tolist()))
+        with np.errstate(divide='ignore'):
+            rates = 1 / np.asarray(time_constants, np.float64)
+        if rates.ndim != 1 or not ((rates >= 0) & (rates < math.inf)).all():
+            raise ValueError(f'time_constants must be a list of positive numbers, some of which '
+                             f'may be infinite, not {time_constants!r}')
+        values = checked_array('densities', densities, rates.shape)
+        if not (values > 0).all():
+            raise ValueError(f'densities must be positive, not {densities!r}')
+        self._hypotheses = list(zip(values.tolist(), rates.tolist()))
         self._step: tuple[float, Array, Array] | None = None
         super().__init__(np.eye(d, 2 * d), np.eye(d))
 

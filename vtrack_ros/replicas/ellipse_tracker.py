@@ -36,7 +36,8 @@ _STENCIL = np.array([(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5
 _MEAN_SHIFT = ParameterTable([
     Parameter('rejected', 0.5, 'Similarity threshold r: at r or below, the target counts as '
               'hidden and is searched for.', 0.0, 1.0),
-    Parameter('growth', 0.1, 'Largest relative change of an axis per frame; 0: none.', 0.0, 0.5),
+    Parameter('growth', 0.1, 'Largest relative change of an axis per frame; 0: none; ignored with '
+              'as_printed.', 0.0, 0.5),
     Parameter('levels', 16, 'Levels per colour channel. Takes effect with the next target or '
               '~/reinit.', choices=(8, 16)),
     Parameter('background', True, 'Reduce the weight of colours that also surround the target; '

@@ -109,9 +109,10 @@ class PrunedQuadratureReplica(QuadratureReplica):
     """
     P-QKPF: the quadrature filter without its points of small weight [Qi2012, eqs 20-22].
 
-    The threshold of eq. 20 is that of two dimensions: in the six of a box it leaves only the
-    centre, which is no filter, so it's never used as printed here. For the threshold used, and for
-    the regrouping of eqs 21 and 22, see `pruned_gauss_hermite`.
+    The threshold of eq. 20 is that of two dimensions: in the six of a box it would leave only the
+    centre, which is no filter. But an update integrates over the measured centre alone, which has
+    two, and motion is linear: so eq. 20 is used as printed. Pruned points are left out, also with
+    `as_printed`, and not regrouped by eqs 21 and 22, for which see `pruned_gauss_hermite`.
     """
 
     NAME = 'pqkpf_paper'
