@@ -215,7 +215,7 @@ The rate of the height as a share of the height, in 1/s, which gives the velocit
 
 {markdown(growth_rows(records))}
 
-The filter is better than the difference of two boxes, but on videos like these zero is no worse.
+The filter is better than the difference of two boxes, but on videos like these zero is as good.
 The interval is too narrow for targets that change shape, as trackers keep the first box's aspect.
 
 ## Where the target is some frames later
