@@ -4,8 +4,8 @@ Accuracy from other frames than the first one: figures that no choice of a const
 `python benchmarks/starts.py [--trackers gmpf,dcf] [--frames N]` tracks each target of the shared
 sequences, of which it takes the first 150 frames, or N (0: all), from eight starts: forwards from
 the first frame and from 15, 30, 45 and 60 % of them, backwards from the last frame and from 80 and
-60 %. It prints the mean AUC of both halves of the videos, from
-the first frame and from the other starts, and its difference from that of the last tracker named.
+60 %. It prints the mean AUC of both halves of the videos, from the first frame and from the other
+starts, and its difference from that of the last tracker named.
 """
 
 from __future__ import annotations
