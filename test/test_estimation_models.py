@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from random_walk import RandomWalk
 
-from vtrack_ros.estimation import central_differences, ConstantVelocity, GaussianNoise
+from vtrack_ros.estimation import (
+    central_differences, ConstantVelocity, GaussianNoise, Weights)
 
 MODELS = {
     'constant velocity': ConstantVelocity(2, 2, 0.7, 0.2),
@@ -197,6 +198,7 @@ def test_a_covariance_that_is_not_finite_is_not_factorised(value):
 def test_whole_numbers_may_be_floats():
     """As for every count, e.g. one that was computed."""
     assert ConstantVelocity(2.0, 2.0).state_dimension == 6
+    assert len(Weights.uniform(77.0)) == 77
     for count in (2.5, 0, math.nan):
         with pytest.raises(ValueError, match='positions'):
             ConstantVelocity(count)

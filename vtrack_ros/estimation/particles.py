@@ -60,7 +60,7 @@ class Weights:
     @lru_cache(maxsize=16)
     def uniform(count: int) -> Weights:
         """Return `count` equal weights."""
-        checked_count('count', count)
+        count = checked_count('count', count)
         values, logarithms = np.full(count, 1.0 / count), np.full(count, -math.log(count))
         values.flags.writeable = logarithms.flags.writeable = False
         return Weights(values, logarithms)

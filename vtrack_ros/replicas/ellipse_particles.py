@@ -38,7 +38,7 @@ class MeanShiftParticleReplica(MeanShiftReplica):
     similarity th on, as where the two are apart (eq. 13), and below it nothing does (eq. 14);
     where the fusion after a search gives nothing, the place found counts, since step 11 ends the
     search in any case; A and B of eq. 6, by which step 13 moves the particles, aren't given, and
-    `inertia` stands for them.
+    `inertia` stands for them; a tenth is added to the weights of eq. 12, which may all be zero.
     """
 
     NAME = 'abmspf_paper'
@@ -96,6 +96,7 @@ class MeanShiftParticleReplica(MeanShiftReplica):
         if match is None and searched > _LOCAL_FRAMES:
             self.stage = 'everywhere'
             match = self._best_match(frame, self._blobs(frame))
-        # the particles' mean, weighted with their similarity [Yin2013, eq. 12]
+        # the particles' mean, weighted with their similarity [Yin2013, eq. 12]; a tenth more, for
+        # all may be zero
         weights = scores[_CANDIDATES:] + 0.1
         return match, weights @ points / weights.sum()
