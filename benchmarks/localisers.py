@@ -126,7 +126,7 @@ def _page(plain: Results, stressed: dict[str, dict[str, Array]],
         f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
         f'{ALONE} has no covariance; its score is taken as the confidence, and it never reports '
         'the target as lost. *cpu ms* is processor time, *ms p99* wall-clock time; both depend on '
-        'the other load of the machine.\n\n'
+        f'the other load of the machine (times: {plain.timings}).\n\n'
         f'## Under stress\n\nAUC over {stressed_length}, seeds: {arguments.stress_seeds}, '
         f'mean over the severities of each kind.\n\n{markdown(under)}\n\n'
         f'## AUC by target, as they are\n\n{markdown(by_target)}\n')

@@ -3,7 +3,8 @@ The claims of the four papers, put to the test on rendered scenes and a few real
 
 Runs the replicas, which have the papers' own cues, and writes `docs/results/papers.json`, the
 tables between the marks in `docs/results/papers.md`, and the charts beside it. Films and runs are
-cached, and only what has changed is run again; `--no-cache` runs, and times, everything again.
+cached, and only what has changed is run again. So times may be from several machines: the page
+says whether they're measured, cached or mixed; `--no-cache` runs, and times, everything again.
 """
 
 from __future__ import annotations
@@ -38,10 +39,12 @@ def main(argv: list[str] | None = None) -> int:
     for name in arguments.only or PAPERS:
         experiment, usual = PAPERS[name]
         seeds = arguments.seeds or usual
-        found = experiment(Laboratory(
-            seeds, arguments.sequences, folder, None if folder is None else RunCache(folder)))
-        results[name] = {'environment': environment(), 'seeds': seeds, 'tables': found.tables,
-                         'claims': found.claims, 'curves': found.curves}
+        laboratory = Laboratory(
+            seeds, arguments.sequences, folder, None if folder is None else RunCache(folder))
+        found = experiment(laboratory)
+        results[name] = {'environment': environment(), 'timings': laboratory.timings,
+                         'seeds': seeds, 'tables': found.tables, 'claims': found.claims,
+                         'curves': found.curves}
         results = {key: results[key] for key in PAPERS if key in results}
         write_json(path, results)
         print(page.claims(results[name]), '\n')

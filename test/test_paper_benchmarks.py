@@ -47,6 +47,11 @@ def test_run_k_is_seed_k_on_its_film_and_is_kept(from_benchmarks, tmp_path):
     for before, after in zip(*runs):
         np.testing.assert_array_equal(before.run.boxes, after.run.boxes)
     assert outcomes.figures(runs[0])['error'].shape == (3,)
+    assert laboratory.timings == 'mixed'
+    again = films.Laboratory(3, tmp_path / 'none', tmp_path, cache)
+    assert again.timings == 'measured'
+    again.measure(again.films('face_fast', 2, 5), 2, trackers)
+    assert again.timings == 'cached'
     assert laboratory.video('David') == []
 
 
@@ -87,11 +92,12 @@ def test_one_seed_gives_json_and_a_page(from_benchmarks, tmp_path):
     one = outcomes.ratio(rows['pf']['error'], rows['gmpf']['error'])
     experiment.claim('one', str(one), one.below(1))
     content = {'paper1': {'tables': experiment.tables, 'claims': experiment.claims,
-                          'environment': {}, 'seeds': 1, 'curves': {}}}
+                          'environment': {}, 'timings': 'mixed', 'seeds': 1, 'curves': {}}}
     from_benchmarks('result_files').write_json(tmp_path / 'papers.json', content)
     kept = json.loads((tmp_path / 'papers.json').read_text())
     text = page.filled('a\n<!-- paper1 claims --> <!-- end -->\n<!-- paper1 tables --> '
                        '<!-- end -->\n<!-- paper2 claims --> b <!-- end -->\n', kept)
+    assert 'times mixed' in text
     assert '| one | ' in text and '| open |' in text and '**face_fast**' in text
     assert ' ± ' not in text and '<!-- paper2 claims --> b' in text
 

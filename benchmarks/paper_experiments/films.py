@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 import hashlib
 from pathlib import Path
@@ -95,6 +95,14 @@ class Laboratory:
     sequences: Path
     cache: Path | None
     runs: RunCache | None
+    #: Of each run so far, whether it's from the cache.
+    cached: list[bool] = field(default_factory=list)
+
+    @property
+    def timings(self) -> str:
+        """Return `measured` if all times are of these runs, `cached` if none, or `mixed`."""
+        kinds = set(self.cached)
+        return 'mixed' if len(kinds) > 1 else 'cached' if kinds == {True} else 'measured'
 
     def films(self, scene: str, count: int, frames: int | None = None, grey: bool = False,
               light: float | None = None) -> Iterator[Film]:
@@ -135,6 +143,7 @@ class Laboratory:
                 run = run_tracker(tracker.create(seed), film.frames, film.first_box)
             if self.runs is not None:
                 self.runs.put(key, run)
+        self.cached.append(run.cached)
         return run
 
 

@@ -40,6 +40,9 @@ def tables(result: Mapping[str, Any]) -> str:
             rows.append([label, *(_cell(row, key) for key in keys)])
         parts.append(f'**{title}**\n\n{markdown(rows)}\n')
     facts = ', '.join(f'{key} {value}' for key, value in result['environment'].items())
+    if 'timings' in result:
+        # cached times keep those of the machine that they were measured on
+        facts += f", times {result['timings']}"
     return '\n'.join([*parts, f"{result['seeds']} runs, unless a table has others; {facts}.\n"])
 
 
