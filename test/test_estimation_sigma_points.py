@@ -152,3 +152,5 @@ def test_the_pruning_threshold_checks_its_numbers():
     assert len(pruned_gauss_hermite(2.0, 3.0)) == len(pruned_gauss_hermite(2, 3))
     with pytest.raises(ValueError, match='dimension'):
         pruning_threshold(0, 3)
+    with pytest.raises(ValueError, match='no point beside the centre'):
+        pruned_gauss_hermite(2, 1)

@@ -144,7 +144,7 @@ def pruned_gauss_hermite(
         threshold = pruning_threshold(dimension, order)
     # Products of the same factors in another order may differ in the last digit.
     kept = full.mean_weights >= threshold * (1 - 1e-9)
-    if kept.all():
+    if kept.all() and len(full) > 1:
         return full
     if regroup:
         points, weights = full.points.copy(), full.mean_weights
