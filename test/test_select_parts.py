@@ -83,7 +83,7 @@ def test_inputs_from_descriptors():
 
 @contextmanager
 def observed():
-    """Yield a node called tracker, its observer's executor, and the pictures that this shows."""
+    """Yield a node called tracker, its observer, their executor, and the pictures shown."""
     context = Context()
     rclpy.init(context=context)
     tracker, watcher = (Node(name, context=context) for name in ('tracker', 'watcher'))
@@ -93,11 +93,12 @@ def observed():
     observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print)
     observer.watched = True
     try:
-        yield tracker, executor, shown
+        yield tracker, observer, executor, shown
     finally:
+        nodes = executor.get_nodes()
         executor.shutdown()
         observer.destroy()
-        for node in (tracker, watcher):
+        for node in nodes:
             leave(node)
         rclpy.try_shutdown(context=context)
 
@@ -124,7 +125,7 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
         box = BoundingBox2D(size_x=2.0 * second, size_y=2.0 * second)
         return stamped(Detection2DArray(detections=[Detection2D(results=[result], bbox=box)]),
                        second)
-    with observed() as (tracker, executor, changes):
+    with observed() as (tracker, _, executor, changes):
         images = tracker.create_publisher(Image, '/image', 10)
         answers = tracker.create_publisher(Detection2DArray, '/detections', 10)
         tracker.create_subscription(Image, '/image', lambda _: None, 10)
@@ -140,7 +141,7 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
 
 def test_a_node_that_comes_back_with_another_topic_is_followed():
     """As one whose remap was wrong; its images may be below its own name, too."""
-    with observed() as (tracker, executor, shown):
+    with observed() as (tracker, _, executor, shown):
         for topic, kind in (('/image', Image), ('/image_raw', Image),
                             ('/tracker/compressed', CompressedImage)):
             images = tracker.create_publisher(kind, topic, 10)
@@ -152,6 +153,40 @@ def test_a_node_that_comes_back_with_another_topic_is_followed():
                 images.publish(kind())
                 executor.spin_once(timeout_sec=0.1)
             tracker.destroy_subscription(subscription)
+
+
+def test_the_last_viewer_of_a_node_that_has_ended_leaves(tmp_path):
+    """The camera goes on, but nothing is received or recorded any more."""
+    def until(condition):
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+    with observed() as (tracker, observer, executor, _):
+        camera = Node('camera', context=tracker.context)
+        executor.add_node(camera)
+        images = camera.create_publisher(Image, '/image', 10)
+        tracker.create_subscription(Image, '/image', lambda _: None, 10)
+        until(lambda: images.get_subscription_count() == 2)
+        executor.remove_node(tracker)
+        leave(tracker)
+        until(lambda: 'tracker' not in camera.get_node_names())
+        observer.record(tmp_path)
+        observer.watched = False
+        until(lambda: not images.get_subscription_count())
+        [bag] = tmp_path.iterdir()
+        assert bag.name.startswith('recording_')
+
+
+def test_a_recording_without_images_ends_with_the_last_viewer(tmp_path):
+    """As of a node that takes no images yet."""
+    with observed() as (_, observer, *_):
+        observer.look()
+        observer.record(tmp_path)
+        observer.watched = False
+        observer.look()
+        [bag] = tmp_path.iterdir()
+        assert bag.name.startswith('recording_')
 
 
 def test_it_closes_between_callbacks(monkeypatch):

@@ -62,6 +62,15 @@ class Observer:
 
     def look(self) -> None:
         """Query the graph: find the node's topics, and adapt the subscriptions."""
+        wanted = self.watched and self.wanted
+        # first, for the camera may go on where the node has ended
+        if not self.watched:
+            self._unsubscribe('image')
+            self._images.clear()
+            self._end_recording('nobody watches')
+        if not wanted:
+            self._unsubscribe('particles')
+            self._particles = None
         name, _, base = self._target.rpartition('/')
         name = name or '/'
         try:
@@ -79,17 +88,9 @@ class Observer:
             self._subscribe(
                 'image', inputs, ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage'),
                 self._on_image)
-        elif 'image' in self._inputs:
-            self._inputs.pop('image').destroy()
-            self._images.clear()
-            self._end_recording('nobody watches')
-        wanted = self.watched and self.wanted
         if wanted and 'particles' not in self._inputs:
             self._inputs['particles'] = Input(
                 self._node, PoseArray, f'{self._target}/particles', self._on_particles)
-        elif not wanted and 'particles' in self._inputs:
-            self._inputs.pop('particles').destroy()
-            self._particles = None
         for one in self._inputs.values():
             one.check()
 
@@ -101,7 +102,7 @@ class Observer:
         is answered, such as while the node is paused.
         """
         # copies, for the executor's thread changes the buffers
-        images, answers = tuple(self._images), tuple(self._answers)
+        images, answers, particles = tuple(self._images), tuple(self._answers), self._particles
         if not images:
             return None
         message, answer = _answered(images, answers) or (
@@ -111,9 +112,9 @@ class Observer:
         stamp = stamp_nanoseconds(message.header.stamp)
         if answer and 0 <= stamp - stamp_nanoseconds(answer.header.stamp) < _RECENT:
             shown |= _of_detection(answer)
-            if self._particles is not None:
+            if particles is not None:
                 shown['particles'] = [[round(one.position.x, 1), round(one.position.y, 1)]
-                                      for one in self._particles.poses]
+                                      for one in particles.poses]
         shown['stamp'] = str(stamp)
         return message, shown
 
@@ -153,6 +154,10 @@ class Observer:
             self._inputs[name].destroy()
         topic, kind = self._sources[name] = found[0]
         self._inputs[name] = Input(self._node, _KINDS[kind], topic, callback)
+
+    def _unsubscribe(self, name: str) -> None:
+        if name in self._inputs:
+            self._inputs.pop(name).destroy()
 
     def _record(self, add: Callable[[Recording], None]) -> None:
         """Add to the recording, if there is one; where that fails, the viewers are told."""
