@@ -81,6 +81,20 @@ def test_a_target_that_was_given_up_stays_so(tmp_path, scene):
             client.until(lambda: not path.exists(), 'the file is taken away')
 
 
+def test_a_target_that_is_given_up_before_the_first_image(tmp_path, scene):
+    """~/reset removes the file, and nothing is restored from it."""
+    from std_srvs.srv import Trigger
+    path = tmp_path / 'target.json'
+    with NodeProcess(state_file=path, init_box=box_parameter(scene.box(0))), Client() as client:
+        client.ready().send(scene.frame(0), START)
+    assert path.exists()
+    with NodeProcess(state_file=path), Client() as client:
+        client.ready()
+        client.ask('~/reset', Trigger)
+        client.until(lambda: not path.exists(), 'the file is taken away')
+        assert not client.send(scene.frame(1), START + STEP).detections
+
+
 def test_a_full_disk_is_told_once(tmp_path, scene):
     """If the file can't be written that's logged once, tracking goes on, and no file is left."""
     path = tmp_path / 'target.json'

@@ -66,7 +66,8 @@ class Pipeline:
         self._state_file = StateFile(node, self._target)
         self._publishers = Publishers(node, types, with_vision)
         self._pose_publisher = PosePublisher(node, types, self._publishers)
-        self._services = Services(node, types, with_vision, self._target, log, self._changed)
+        self._services = Services(
+            node, types, with_vision, self._target, log, self._give_up, self._changed)
         self._services.listen_to_detector(bool(settings['init_from_detections']))
         self._diagnostics = Diagnostics(node, self._publishers, self._state)
         self._compressed = settings.text('image_transport') == 'compressed'
@@ -170,6 +171,11 @@ class Pipeline:
         self._history.clear()
         self._target.begin_stream(from_init_box=again)
         return True
+
+    def _give_up(self) -> None:
+        """Forget the target, or the one of the state file that waits for the first image."""
+        self._state_file.give_up()
+        self._target.forget()
 
     def _changed(self) -> None:
         """Publish the state after a change between two frames, by a service or a parameter."""

@@ -21,17 +21,19 @@ class Services:
     """
     Subscribes to the selections, and offers the services.
 
-    While `paused`, images aren't processed. `changed` is called after each service request, which
-    may have changed the target or `paused`.
+    While `paused`, images aren't processed. `give_up` is called to forget the target; `changed`
+    after each service request, which may have changed the target or `paused`.
     """
 
     def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool,
-                 target: Target, log: Log, changed: Callable[[], None]) -> None:
+                 target: Target, log: Log, give_up: Callable[[], None],
+                 changed: Callable[[], None]) -> None:
         self._node = node
         self._types = types
         self._with_vision = with_vision
         self._target = target
         self._log = log
+        self._give_up = give_up
         self._changed = changed
         self.paused = False
         self._inputs = [Input(node, RegionOfInterest, '~/init_roi',
@@ -106,7 +108,7 @@ class Services:
             tell(f'{source} refused: {error}')
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        self._target.forget()
+        self._give_up()
         self._changed()
         response.success, response.message = True, 'the target is forgotten; select a new one'
         return response

@@ -67,6 +67,11 @@ class StateFile:
         except ValueError as error:
             self._refuse(str(error))
 
+    def give_up(self) -> None:
+        """Give up a saved target that waits: it isn't restored, and `save` removes its file."""
+        if self._saved is not None:
+            self._saved, self._is_ours = None, True
+
     def save(self) -> None:
         """Have the target written, or its file removed, if it changed and no write is running."""
         if self._path is None or self._writing is not None and not self._writing.done():
@@ -94,6 +99,7 @@ class StateFile:
         if self._writing is not None:
             self._writing.exception()
         if not keep:
+            self.give_up()
             self._target.forget()
         self.save()
         self._thread.shutdown()
