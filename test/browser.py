@@ -75,10 +75,20 @@ class Page:
         await self.ask('Emulation.setTouchEmulationEnabled', enabled=True)
         await self.painted()
 
-    async def finger(self, *points: tuple[float, float]) -> None:
-        """Touch the first point, move along the others, and let go; in pixels of the page."""
-        for kind, (x, y) in zip(['touchStart', *['touchMove'] * (len(points) - 1)], points):
-            await self.ask('Input.dispatchTouchEvent', type=kind, touchPoints=[{'x': x, 'y': y}])
+    async def finger(self, *points: tuple[float, float], resting: tuple[float, float]) -> None:
+        """
+        Touch the first point, move along the others, and let go; in pixels of the page.
+
+        At the last point a second finger touches another point, `resting`, moves and lets go.
+        """
+        kinds = ['touchStart', *['touchMove'] * (len(points) - 1)]
+        x, y = resting
+        one, others = points[-1], [[(x, y)], [(x + 1, y)], [(x + 4, y)], []]
+        kinds += ['touchStart', 'touchMove', 'touchMove', 'touchEnd']
+        for kind, touched in zip(kinds, [*([point] for point in points),
+                                         *([one, *other] for other in others)]):
+            await self.ask('Input.dispatchTouchEvent', type=kind, touchPoints=[
+                {'x': x, 'y': y, 'id': number} for number, (x, y) in enumerate(touched)])
         await self.ask('Input.dispatchTouchEvent', type='touchEnd', touchPoints=[])
 
     async def screenshot(self, path: Path) -> None:

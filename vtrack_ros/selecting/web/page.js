@@ -160,22 +160,25 @@ function place(event) {
   return [Math.min(Math.max(x, 0), width), Math.min(Math.max(y, 0), height)];
 }
 
+// A box is drawn by one finger; others, such as those that hold the phone, are ignored meanwhile.
+const drawing = event => drag && event.pointerId === drag.pointer;
+
 canvas.onpointerdown = event => {
-  if (!header || !event.isPrimary || event.button) return;
-  const [x, y] = place(event);
-  drag = {x, y, toX: x, toY: y, left: event.clientX, top: event.clientY, moved: false};
+  if (!header || drag || event.button) return;
   canvas.setPointerCapture(event.pointerId);
+  const [x, y] = place(event);
+  drag = {x, y, toX: x, toY: y, left: event.clientX, top: event.clientY, moved: false, pointer: event.pointerId};
 };
 
 canvas.onpointermove = event => {
-  if (!drag) return;
+  if (!drawing(event)) return;
   [drag.toX, drag.toY] = place(event);
   drag.moved ||= Math.hypot(event.clientX - drag.left, event.clientY - drag.top) >= CLICK;
   draw();
 };
 
-canvas.onpointerup = () => {
-  if (!drag) return;
+canvas.onpointerup = event => {
+  if (!drawing(event)) return;
   const {x, y, toX, toY, moved} = drag;
   if (moved) {
     ask({do: 'box', stamp: header.stamp, x: Math.min(x, toX), y: Math.min(y, toY),
@@ -186,7 +189,7 @@ canvas.onpointerup = () => {
   endDrag();
 };
 
-canvas.onpointercancel = () => endDrag();
+canvas.onpointercancel = event => { if (drawing(event)) endDrag(); };
 
 function endDrag() {
   drag = null;
