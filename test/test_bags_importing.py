@@ -1,5 +1,6 @@
 """Bags of image folders and of videos."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -151,6 +152,18 @@ def test_nothing_to_import(tmp_path):
                         ('text.mp4', 'neither')):
         with pytest.raises(ValueError, match=words):
             open_source(tmp_path / name)
+
+
+def test_a_name_that_is_not_utf8(tmp_path):
+    """Such pictures are read; such a video is refused, for OpenCV would end the process."""
+    folder = tmp_path / os.fsdecode(b'\xff')
+    folder.mkdir()
+    (folder / os.fsdecode(b'1\xfc.png')).write_bytes(cv2.imencode('.png', pictures()[0])[1])
+    assert record(open_source(folder).frames(), tmp_path / 'bag') == 1
+    video = tmp_path / os.fsdecode(b'\xff.mp4')
+    video.write_bytes(b'')
+    with pytest.raises(BagError, match='not UTF-8'):
+        open_source(video)
 
 
 def test_broken_image(tmp_path):

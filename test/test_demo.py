@@ -229,8 +229,10 @@ def test_video_as_camera(tmp_path, video):
     cv2.imwrite(str(tmp_path / '1.png'), np.full((48, 64, 3), 90, np.uint8))
     assert [image.mean() for image in itertools.islice(
         images(str(tmp_path / '1.png')), 3)] == [90, 90, 90]
-    (tmp_path / 'text.avi').write_text('none')
-    for name in ('text.avi', 'nowhere.avi'):
+    latin = os.fsdecode(b'gr\xfcn.avi')
+    for name in ('text.avi', latin):
+        (tmp_path / name).write_text('none')
+    for name in ('text.avi', latin, 'nowhere.avi'):
         with pytest.raises(NoImagesError, match=name):
             next(images(str(tmp_path / name)))
 

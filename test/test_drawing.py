@@ -1,5 +1,7 @@
 """Pictures of what a tracker does."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
@@ -52,6 +54,15 @@ def test_rates_that_no_video_has(tmp_path, rate, shown):
 def test_a_sliver_is_drawn_no_larger_than_it_has_to_be(shape):
     """It's enlarged by its longer side; by the other one a narrow column would take gigabytes."""
     assert max(AnnotatedFrame(np.zeros(shape, np.uint8)).picture.shape) == max(480, *shape)
+
+
+def test_a_folder_whose_name_is_not_utf8(tmp_path):
+    """It's an error, for OpenCV would end the process."""
+    folder = tmp_path / os.fsdecode(b'\xff')
+    folder.mkdir()
+    with pytest.raises(OSError, match='UTF-8'), Film(folder, 25, 1) as film:
+        film.add(np.zeros((20, 30, 3), np.uint8), '')
+    assert not list(folder.iterdir())
 
 
 def test_half_a_video_is_none(tmp_path):

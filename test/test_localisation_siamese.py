@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+import os
 from pathlib import Path
 import re
 
@@ -242,7 +243,7 @@ def test_a_lost_target_is_found_by_another_localiser(siamese):
 def broken(kind: str, folder: Path, files: dict[str, str]) -> str:
     """Return the path of a file that's no backbone."""
     path = folder / f'{kind}.onnx'
-    if kind == 'truncated':
+    if kind.startswith('truncated'):
         path.write_bytes(Path(files['siamese.backbone']).read_bytes()[:9000])
     elif kind == 'other':
         write_backbone(path, channels=96)
@@ -251,6 +252,7 @@ def broken(kind: str, folder: Path, files: dict[str, str]) -> str:
 
 @pytest.mark.parametrize('kind, words', [
     ('missing', 'is not a file'), ('missing' * 50, 'is not a file'), ('truncated', "can't read"),
+    (os.fsdecode(b'truncated\xff'), 'not UTF-8'),
     ('other', r'expected \(1, 48, 8, 8\) from \(1, 3, 127, 127\), not \(1, 96, 8, 8\)'),
     ('head', r'expected \(1, 48, 8, 8\) from \(1, 3, 127, 127\)')])
 def test_a_wrong_file_is_refused(kind, words, tmp_path, files, siamese):

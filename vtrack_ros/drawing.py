@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vtrack_ros.file_names import is_utf8
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import Estimate, Frame, TrackState
@@ -189,6 +190,9 @@ class Film:
 
     def _write(self, picture: Frame) -> None:
         if self._writer is None:
+            if not is_utf8(self.paths[0]):
+                raise OSError(f'the video {self.paths[0].name} cannot be created: OpenCV needs a '
+                              'folder whose name is UTF-8')
             self._size = picture.shape[1], picture.shape[0]
             code = cv2.VideoWriter.fourcc(*'mp4v')
             self._writer = cv2.VideoWriter(str(self.paths[0]), code, self._rate, self._size)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow
+from vtrack_ros.file_names import is_utf8
 from vtrack_ros.frame import Array, Frame, Point
 
 #: Sides of the exemplar (the target's image) and of the search image, in samples, as in NanoTrack.
@@ -135,6 +136,8 @@ def _read(path: str) -> cv2.dnn.Net:
     # Path.is_file raises an OSError for a name that is too long.
     if not os.path.isfile(path):
         raise ValueError(f'{path!r} is not a file')
+    if not is_utf8(path):
+        raise ValueError(f'{path!r} is not UTF-8, which OpenCV cannot open: rename it')
     try:
         return cv2.dnn.readNetFromONNX(path)
     except cv2.error as error:

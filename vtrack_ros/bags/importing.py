@@ -15,6 +15,7 @@ from vtrack_ros.bags.image_folder import (
 from vtrack_ros.bags.topics import checked_topic
 from vtrack_ros.bags.truth import TRUTH_TOPIC
 from vtrack_ros.bags.writer import BagWriter
+from vtrack_ros.file_names import is_utf8
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
@@ -140,6 +141,8 @@ def _decoded(images: tuple[Path, ...]) -> Iterator[Frame]:
 
 def _video_header(path: Path) -> tuple[float | None, int | None]:
     """Return the rate [Hz] and the number of frames that a video claims; BagError for no video."""
+    if not is_utf8(path):
+        raise BagError(f'{path} has a name that is not UTF-8, which OpenCV cannot open: rename it')
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise BagError(f'{path} is neither a folder of images nor a video that can be read')

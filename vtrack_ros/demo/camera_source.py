@@ -11,6 +11,7 @@ import time
 import cv2
 
 from vtrack_ros.dds import end_process, leave
+from vtrack_ros.file_names import is_utf8
 from vtrack_ros.frame import Frame
 from vtrack_ros.signals import ending_signals
 
@@ -36,6 +37,8 @@ def opened(source: str) -> cv2.VideoCapture:
         fault = f'camera {source} sends no image; is another program using it?'
     elif not Path(source).is_file():
         raise NoImagesError(f'{source} does not exist')
+    elif not is_utf8(source):
+        raise NoImagesError(f'{source} is not UTF-8, which OpenCV cannot open: rename it')
     else:
         capture, fault = cv2.VideoCapture(source), f'{source} is not a video that OpenCV can read'
     if not (capture.isOpened() and capture.grab()):
