@@ -196,12 +196,33 @@ def test_every_target_has_its_own_name(scripted):
 
 
 def test_nothing_is_left_of_another_stream(scripted):
-    """A pending selection is dropped when another stream begins."""
+    """A pending selection on one of its frames is dropped when another begins; the log says so."""
     follow = Following()
     follow.update(frame(), 10**9)
     follow.target.select(selection(stamp=2 * 10**9))
     follow.target.begin_stream()
+    assert '~/init refused' in follow.log.said[-1] and '2.000000000 s' in follow.log.said[-1]
     assert follow.update(frame(), 2 * 10**9) is None
+
+
+@pytest.mark.parametrize('from_init_box', [True, False])
+def test_a_selection_for_the_next_frame_may_be_for_a_new_stream(scripted, from_init_box):
+    """One made while the camera was off isn't lost, and takes precedence over init_box."""
+    follow = Following(Box(10, 10, 20, 20))
+    follow.update(frame(), 10**9)
+    follow.target.select(selection(30.0))
+    follow.history.clear()
+    follow.target.begin_stream(from_init_box)
+    assert follow.update(frame(), 0).box.center == (30.0, 50.0)
+
+
+def test_a_detection_of_another_stream_is_dropped(scripted):
+    """Without a stamp it's for the next frame, too; but the detector will see the new stream."""
+    follow = Following()
+    follow.update(frame(), 10**9)
+    follow.target.select(Selection(Box(30, 30, 9, 9), '~/init_detections', automatic=True))
+    follow.target.begin_stream()
+    assert not follow.log.said and follow.update(frame(), 0) is None
 
 
 @pytest.mark.parametrize('picture, words', [

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.history import FrameHistory, seconds
 from vtrack_ros.session.saved_target import SavedTarget
 from vtrack_ros.session.selection import Selection, Selector
 from vtrack_ros.session.session import TrackingSession
@@ -62,8 +62,20 @@ class Target:
         return self.init_box is not None and self._selector.pending is self.init_box
 
     def begin_stream(self, from_init_box: bool = True) -> None:
-        """Forget the previous stream's target; by default select `init_box` in the new one."""
+        """
+        Forget the previous stream's target; by default select `init_box` in the new one.
+
+        A selection for the next frame, which may have been made before the new stream, is kept,
+        but not a detector's; one on a frame of the previous stream is refused.
+        """
+        pending = self._selector.pending
         self.forget()
+        if pending is not None and not pending.automatic:
+            if pending.stamp is None:
+                self._selector.select(pending)
+                return
+            self._log.error(f'{pending.source} refused: its stamp {seconds(pending.stamp)} s is '
+                            'of the previous stream')
         if from_init_box and self.init_box is not None:
             self._selector.select(self.init_box)
 
