@@ -9,6 +9,7 @@ from rcl_interfaces.srv import (
     DescribeParameters, ListParameters, SetParameters, SetParametersAtomically)
 from rclpy.parameter import Parameter
 from siamese_files import network_files
+from std_srvs.srv import SetBool
 
 from vtrack_ros.ros.parameter_node import parameter_table
 from vtrack_ros.trackers import tracker_class, tracker_names
@@ -203,6 +204,16 @@ def test_a_tracker_of_opencv_knows_no_covariance(talk):
     assert not any(answer.detections[0].results[0].pose.covariance)
     assert client.change(tracker='gmpf')[0].successful
     assert tracks_on(talk, 1)
+
+
+def test_a_tracker_that_cannot_take_over_while_paused():
+    """The log says that the target is forgotten, and why, as it does while tracking."""
+    with NodeProcess(init_box='[60, 40, 4, 4]') as process, Client() as client:
+        client.ready().send(Scene().frame(0), 10**9)
+        assert client.ask('~/enable', SetBool, data=False).success
+        # it can't start on so small a box
+        assert client.change(tracker='opencv_mil')[0].successful
+        process.wait_for_log('opencv_mil cannot start on the target: it is forgotten (ValueError')
 
 
 def test_init_box_takes_integers_floats_and_nothing(talk):

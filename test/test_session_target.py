@@ -161,15 +161,17 @@ def test_a_fault_of_a_new_tracker_is_not_raised(scripted, ask):
     assert session.restart() is not None and not session.failure
 
 
-def test_an_earlier_fault_is_not_told_again(scripted):
-    """Where there's no target to resize, that is so without any failure."""
+@pytest.mark.parametrize('ask', [
+    lambda session: session.resize(True), lambda session: session.change(seed=1)])
+def test_an_earlier_fault_is_not_told_again(scripted, ask):
+    """Where there's no target to resize, or no tracker takes over, no tracker failed."""
     follow = Following(Box(10, 10, 20, 20))
     Scripted.states = [TrackState.SEARCHING, IndexError('far out')]
     for index in range(2):
         follow.update(frame(), index * STEP)
     session = follow.session
     assert session.restart() is None and session.failure == 'IndexError: far out'
-    assert session.resize(True) is None and not session.failure
+    assert ask(session) is None and not session.failure
 
 
 def test_init_box_counts_at_the_beginning_of_a_stream(scripted):

@@ -219,8 +219,7 @@ class Pipeline:
         self._history.megabytes = settings.number('history_megabytes')
         if INIT_BOX in names:
             self._target.set_init_box(self._node.init_box, f'parameter {INIT_BOX}')
-        if 'tracker' in names and self._target.estimate is None and self._state_name in (
-                'tracking', 'searching', 'lost'):
+        if self._session.failure:
             self._log.warning(
                 f'{self._session.tracker} cannot start on the target: it is forgotten '
                 f'({self._session.failure})')

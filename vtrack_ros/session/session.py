@@ -77,7 +77,7 @@ class TrackingSession:
 
     @property
     def failure(self) -> str:
-        """Return why the tracker last asked to take over gave up the target; empty if none did."""
+        """Return why the latest request or change gave up the target; empty if it didn't."""
         return self._failure
 
     @property
@@ -198,7 +198,7 @@ class TrackingSession:
         others[name] = {key: in_force[key] for key in own}
         for owner, values in others.items():
             self._parameters.setdefault(owner, {}).update(values)
-        self._name, self._seed = name, seed
+        self._name, self._seed, self._failure = name, seed, ''
         if replacement is not None and self._take_over(replacement) is None:
             self._tracker = replacement
 
