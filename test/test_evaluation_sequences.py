@@ -165,6 +165,24 @@ def test_bag(repository):
     assert not any(math.isnan(value) for value in sequence.truth[0])
 
 
+@pytest.mark.parametrize('stamps, steps', [
+    # of a driver that stamps in whole seconds: the steps are the node's
+    (10**9 * (np.arange(60) // 20 + 1), [1] * 20 + 2 * ([25] + [1] * 19)),
+    # two frames in the wrong order
+    (10**9 + 33_333_333 * np.array([0, 1, 2, 3, 5, 4, 6]), [1, 1, 1, 1, 2, 1, 2])])
+def test_a_bag_whose_stamps_stand_still_or_go_back(tmp_path, stamps, steps):
+    """Such a frame counts as one frame interval."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    from vtrack_ros.bags import BagWriter, messages
+    from vtrack_ros.evaluation.sequences import read_bag
+    image = np.zeros((8, 8, 3), np.uint8)
+    with BagWriter(tmp_path / 'bag') as bag:
+        for received, stamp in enumerate(stamps.tolist()):
+            bag.write('/image', messages.image(image, stamp, 'camera'), received)
+            bag.write_truth(Box(2, 2, 4, 4), stamp)
+    np.testing.assert_array_equal(read_bag(tmp_path / 'bag').steps, steps)
+
+
 def test_fingerprint_of_a_bag_is_of_its_steps_too(repository):
     """A run depends on the time between frames, which is estimated from the stamps."""
     pytest.importorskip('rosbags', reason='needs rosbags')

@@ -40,8 +40,11 @@ class FrameIntervalEstimator:
         """
         Take the next interval; return the frame intervals in it, at least 1.
 
-        A whole number of usual intervals; if these are longer than 40 ms, of 40 ms each.
+        A whole number of usual intervals; if these are longer than 40 ms, of 40 ms each. Stamps
+        that stand still or go back count as one interval.
         """
+        if interval <= 0:
+            return 1.0
         self.add(interval)
         usual = max(1, self.interval or 1)
         return max(1, round(interval / usual)) * max(1.0, usual / _LONGEST)

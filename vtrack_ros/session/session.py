@@ -102,8 +102,7 @@ class TrackingSession:
         if stamp < self._stamp or frame.shape != self._frame.shape:
             self.forget()
             return None
-        interval = stamp - self._stamp
-        dt = min(self._interval.steps(interval), LONGEST_STEP) if interval else 1.0
+        dt = min(self._interval.steps(stamp - self._stamp), LONGEST_STEP)
         estimate = self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
         self._motion.add(estimate, stamp)
