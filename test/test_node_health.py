@@ -234,7 +234,7 @@ def test_camera_info_makes_rays_and_metres(client, process):
     client.until(lambda: units('pixels'), 'still calibrated')
 
 
-def with_target_frame(client, words):
+def with_target_frame(client, words, frame_id='camera_optical'):
     """Set calibration, target_width and target_frame; send frames until `words` returns true."""
     publisher = client.publisher('camera_info', CameraInfo)
     message = CameraInfo(width=SCENE.width, height=SCENE.height)
@@ -242,7 +242,8 @@ def with_target_frame(client, words):
     assert client.change(target_width=0.6, target_frame='ball')[-1].successful
     publisher.publish(message)
     for index in range(100):
-        answer = send(client, index)
+        answer = client.send_message(image_message(
+            SCENE.frame(index), client.start + STEP * index, frame_id=frame_id))
         assert answer.detections
         if words():
             break
@@ -258,6 +259,13 @@ def test_transform_without_tf2_msgs_is_said(client, process):
         pytest.skip('tf2_msgs is installed')
     since = len(process.log)
     with_target_frame(client, lambda: 'ros-jazzy-tf2-msgs' in process.log[since:])
+
+
+def test_a_transform_needs_a_frame(client, process):
+    """Where the images have no frame_id, none is sent, for tf2 takes none; the log says so."""
+    since = len(process.log)
+    with_target_frame(client, lambda: 'no transform to target_frame ball: the images have the '
+                      "frame_id ''" in process.log[since:], frame_id='')
 
 
 def test_transform(client):

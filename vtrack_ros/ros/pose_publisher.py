@@ -73,7 +73,13 @@ class PosePublisher:
                 located, moving.box, moving.velocity, moving.covariance)
         self._publishers.publish_twist(header, velocity)
         child = self._node.settings.text('target_frame')
-        if child and position.units == 'metres':
+        if not child or position.units != 'metres':
+            return
+        if header.frame_id in ('', child):
+            # tf2 takes no such transform
+            self._log.warning(f'no transform to target_frame {child}: the images have the '
+                              f'frame_id {header.frame_id!r}', throttle_duration_sec=THROTTLE)
+        else:
             self._publishers.publish_transform(header, position, estimate.angle, child)
 
     def on_camera_info(self, message: CameraInfo) -> None:
