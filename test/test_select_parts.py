@@ -2,6 +2,7 @@
 
 import asyncio
 from contextlib import contextmanager
+import gc
 import socket
 import sys
 import threading
@@ -237,6 +238,41 @@ def test_recordings_of_the_same_second(tmp_path):
     for count in range(1, 6):
         Recording(tmp_path).finish()
         assert len(list(tmp_path.iterdir())) == count
+
+
+def test_a_viewer_whose_request_is_not_answered_leaves(monkeypatch, capsys, caplog, tmp_path):
+    """Neither a warning of the node for it nor the end of the server meanwhile is an error."""
+    asked, faults, links = threading.Event(), [], []
+
+    class Link(TrackerLink):
+
+        def __init__(self, target, changed, said):
+            super().__init__(target, changed, said)
+            links.append(said)
+
+        async def ask(self, *_, **__):
+            asked.set()
+            await asyncio.sleep(PATIENCE)
+    monkeypatch.setattr('vtrack_ros.selecting.server.TrackerLink', Link)
+
+    async def main():
+        asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
+        serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
+        while not (output := capsys.readouterr().out):
+            await asyncio.sleep(0.01)
+        async with viewer(output.split()[0]) as seen:
+            await seen.ask(do='reset')
+            await asyncio.to_thread(asked.wait, PATIENCE)
+            seen.socket.get_extra_info('socket').shutdown(socket.SHUT_RDWR)
+        await asyncio.sleep(0.1)
+        links[0]('a warning')
+        await asyncio.sleep(0.1)
+        gc.collect()
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+        await asyncio.sleep(0.1)
+    asyncio.run(main())
+    assert not faults and not caplog.records
 
 
 def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.resources import files
 import json
 from pathlib import Path
@@ -165,14 +166,20 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         loop.add_signal_handler(number, stop.set)
     viewers: set[Viewer] = set()
     tasks: set[asyncio.Task[None]] = set()
+    views: set[asyncio.Task[Any]] = set()
 
     def changed() -> None:
         for viewer in viewers:
             viewer.changed()
 
+    async def warn(viewer: Viewer, text: str) -> None:
+        # one that has gone may still wait for the answer to its request
+        with suppress(ConnectionError):
+            await viewer.tell(text, wrong=True)
+
     def said(text: str) -> None:
         for viewer in viewers:
-            task = loop.create_task(viewer.tell(text, wrong=True))
+            task = loop.create_task(warn(viewer, text))
             tasks.add(task)
             task.add_done_callback(tasks.discard)
     link = TrackerLink(target, changed, said)
@@ -190,6 +197,9 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         await socket.prepare(request)
         viewer = Viewer(socket, link, folder, asked)
         viewers.add(viewer)
+        if (view := asyncio.current_task()) is not None:
+            views.add(view)
+            view.add_done_callback(views.discard)
         link.watch(True)
         try:
             # any failure ends this viewer and is reported; the page connects again
@@ -226,6 +236,10 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         await stop.wait()
     finally:
         await runner.cleanup()
+        # they may still wait for the node's answer, and use the link until they end
+        for view in tuple(views):
+            view.cancel()
+        await asyncio.gather(*views, return_exceptions=True)
         link.close()
 
 
