@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
+from vtrack_ros.session.exemplar import Exemplar
 from vtrack_ros.session.history import FrameHistory
+from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.selection import Selection
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.session.target import Target
@@ -159,6 +161,15 @@ def test_a_fault_of_a_new_tracker_is_not_raised(scripted, ask):
     follow.target.select(selection())
     assert follow.update(frame(), 2 * STEP) is not None
     assert session.restart() is not None and not session.failure
+
+
+def test_a_fault_of_a_tracker_that_takes_up_a_saved_target(scripted):
+    """It's a ValueError, as of a saved target that can't be used; there is no target then."""
+    session, box = TrackingSession(), Box(10, 10, 20, 20)
+    Scripted.states = [IndexError('far out')]
+    with pytest.raises(ValueError, match='IndexError: far out'):
+        session.take_up(LastMeasurement(frame(), 0, box), 0, Exemplar.of(frame(), box))
+    assert session.estimate is None
 
 
 @pytest.mark.parametrize('ask', [

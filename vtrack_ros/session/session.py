@@ -116,14 +116,15 @@ class TrackingSession:
         """
         Continue with the target of another session, from its last measurement.
 
-        `interval` [ns] is its usual one, 0 where that isn't known; errors as `Tracker.start`, and
-        then there is no target.
+        `interval` [ns] is its usual one, 0 where that isn't known. ValueError if the tracker fails
+        on it; then there is no target.
         """
         try:
             self._show(self._create(self._name), seen, exemplar)
-        except ValueError:
+        except Exception as error:
+            # such as of another package's tracker, which may raise anything
             self.forget()
-            raise
+            raise ValueError(f'{type(error).__name__}: {error}') from error
         self._exemplar = exemplar
         if interval > 0:
             self._interval.add(interval)
