@@ -22,6 +22,8 @@ _PAUSE = 0.05
 #: Delay, in seconds, above which the schedule of the remaining messages is shifted: a hold-up by a
 #: busy disk, Ctrl-Z, or Fast DDS, which takes 1/3 s to check whether a new participant is alive.
 _MOST_DELAY = 0.02
+#: Least time of one repetition, in seconds: a bag of a single image has no pace of its own.
+_LEAST_PERIOD = 0.04
 #: Queue depths of publishers, in messages: of volatile ones, seconds of images for reliable
 #: subscribers that are held up, and of transient local ones, which serve late subscribers too.
 _DEPTH, _DEPTH_FOR_LATE = 100, 10
@@ -145,8 +147,9 @@ class Player:
         clock = self._clock_publisher() if pace.clock else None
         began = time.monotonic()
         while True:
+            again = time.monotonic() + _LEAST_PERIOD
             self._play_once(pace, clock, played, patience)
-            if self.stop.made() or not pace.loop:
+            if self.stop.made() or not pace.loop or not self._sleep_until(again):
                 break
         played.seconds = time.monotonic() - began
         self._wait_until_received(self._publishers, _LONGEST_WAIT)

@@ -1,0 +1,54 @@
+"""Repeating a bag that takes no time."""
+
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='needs rclpy')
+pytest.importorskip('rosbags', reason='needs rosbags')
+from vtrack_ros.bags import BagReader, BagWriter  # noqa: E402
+from vtrack_ros.bags.player import Pace, Player, StopRequest  # noqa: E402
+
+
+class Publisher:
+    """A mock publisher that makes a request to stop after a number of messages."""
+
+    def __init__(self, stop, count):
+        self.stop, self.left = stop, count
+
+    def publish(self, _):
+        """Count a message."""
+        self.left -= 1
+        if not self.left:
+            self.stop.make()
+
+    def wait_for_all_acked(self, _):
+        """Return that all were received."""
+        return True
+
+
+class Node:
+    """A mock node with one publisher."""
+
+    def __init__(self, publisher):
+        self.publisher = publisher
+
+    def create_publisher(self, *_):
+        """Return the publisher."""
+        return self.publisher
+
+    def destroy_publisher(self, _):
+        """Do nothing."""
+
+
+def test_a_single_image_is_repeated_at_the_rate_of_a_video(tmp_path):
+    """It isn't published as fast as the processor can, which would flood every subscriber."""
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.write_frame(np.zeros((8, 8, 3), np.uint8), 10**9)
+    stop = StopRequest()
+    node = Node(Publisher(stop, 6))
+    began = time.monotonic()
+    with BagReader(tmp_path / 'bag') as bag, Player(node, bag, stop=stop) as player:
+        played = player.play(Pace(loop=True))
+    assert played.images == 6 and 0.15 < time.monotonic() - began < 5
