@@ -28,6 +28,16 @@ def test_token():
         asyncio.run(run(whole))
 
 
+def test_the_state_of_a_node_without_images():
+    """The page shows it where no camera runs."""
+    async def run(address):
+        async with viewer(address) as seen:
+            while (await seen.receive('state'))['state'].get('name') != 'waiting':
+                pass
+    with NodeProcess(), serving() as address:
+        asyncio.run(run(address))
+
+
 def test_parameters_of_a_node_that_answers_late():
     """The page says that a node doesn't answer, and has its parameters as soon as it does."""
     async def run(address, client):

@@ -94,6 +94,11 @@ class Observer:
         for one in self._inputs.values():
             one.check()
 
+    @property
+    def state(self) -> dict[str, str]:
+        """Return the node's state: its `name`, `tracker` and so on; empty without a node."""
+        return dict(self._state)
+
     def picture(self) -> tuple[Any, dict[str, Any]] | None:
         """
         Return the image to show, with its state, box, trail and so on; None before the first.
@@ -107,7 +112,7 @@ class Observer:
             return None
         message, answer = _answered(images, answers) or (
             images[-1], answers[-1] if answers else None)
-        shown: dict[str, Any] = {'state': dict(self._state), 'trail': list(self._trail),
+        shown: dict[str, Any] = {'state': self.state, 'trail': list(self._trail),
                                  'recording': self._recording is not None}
         stamp = stamp_nanoseconds(message.header.stamp)
         if answer and 0 <= stamp - stamp_nanoseconds(answer.header.stamp) < _RECENT:

@@ -43,7 +43,8 @@ class Viewer:
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
     `click` (stamp, x, y), `reset`, `reinit`, `larger`, `smaller`, `enable` (on), `particles` (on),
     `record` (on) or `set` (name, kind, value). It receives JSON objects whose `kind` is `picture`
-    (the JPEG follows as a binary message), `parameters` or `told` (a line to show).
+    (the JPEG follows as a binary message), `state` (while there's no picture), `parameters` or
+    `told` (a line to show).
 
     `asked` is called when `particles`, whether the viewer wants them, has changed.
     """
@@ -66,14 +67,21 @@ class Viewer:
         await self._socket.send_json({'kind': 'told', 'text': text, 'wrong': wrong})
 
     async def send_pictures(self) -> None:
-        """Send the newest picture whenever there is another one, until it's cancelled."""
-        sent = None
+        """
+        Send the newest picture whenever there is another one, until it's cancelled.
+
+        Before the first one, such as while no camera runs, send the state alone.
+        """
+        sent: object = None
         while True:
             await self._shown.wait()
             await self._news.wait()
             self._news.clear()
             found = self._link.picture()
             if found is None:
+                if (state := self._link.state) != sent:
+                    sent = state
+                    await self._socket.send_json({'kind': 'state', 'state': state})
                 continue
             if not self.particles:
                 found[1].pop('particles', None)

@@ -72,6 +72,11 @@ class TrackerLink:
         return (all(client.service_is_ready() for client in self._clients.values())
                 and all(one.get_subscription_count() for one in (self._boxes, self._points)))
 
+    @property
+    def state(self) -> dict[str, str]:
+        """Return the node's state, as `Observer.state`."""
+        return self._observer.state
+
     def watch(self, on: bool) -> None:
         """Start or stop receiving images."""
         self._observer.watched = on

@@ -37,6 +37,7 @@ function connect() {
     }
     const message = JSON.parse(event.data);
     if (message.kind === 'picture') next = message;
+    if (message.kind === 'state') tellState(message.state);
     if (message.kind === 'told') tell(message.text, message.wrong);
     if (message.kind === 'parameters') fill(message.rows);
   };
