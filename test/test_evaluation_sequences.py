@@ -169,9 +169,11 @@ def test_bag(repository):
     # of a driver that stamps in whole seconds: the steps are the node's
     (10**9 * (np.arange(60) // 20 + 1), [1] * 20 + 2 * ([25] + [1] * 19)),
     # two frames in the wrong order
-    (10**9 + 33_333_333 * np.array([0, 1, 2, 3, 5, 4, 6]), [1, 1, 1, 1, 2, 1, 2])])
-def test_a_bag_whose_stamps_stand_still_or_go_back(tmp_path, stamps, steps):
-    """Such a frame counts as one frame interval."""
+    (10**9 + 33_333_333 * np.array([0, 1, 2, 3, 5, 4, 6]), [1, 1, 1, 1, 2, 1, 2]),
+    # a pause of ten seconds
+    (10**9 + 40_000_000 * np.array([0, 1, 2, 3, 253, 254]), [1, 1, 1, 1, 30, 1])])
+def test_steps_of_a_bag_with_irregular_stamps(tmp_path, stamps, steps):
+    """Such a frame counts as one frame interval, and a long pause as thirty, as in the node."""
     pytest.importorskip('rosbags', reason='needs rosbags')
     from vtrack_ros.bags import BagWriter, messages
     from vtrack_ros.evaluation.sequences import read_bag

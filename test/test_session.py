@@ -7,7 +7,8 @@ import pytest
 
 from vtrack_ros.geometry import Box
 from vtrack_ros.session.frame_interval import FrameIntervalEstimator
-from vtrack_ros.session.session import LONGEST_STEP, TrackingSession
+from vtrack_ros.session.frame_interval import LONGEST_STEP
+from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import Estimate, tracker_names, TrackState
 
 STEP = 33_333_333

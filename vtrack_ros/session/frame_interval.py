@@ -10,6 +10,8 @@ _MEDIAN_COUNT = 15
 #: Longest usual interval [ns] that counts as one: trackers were made on videos of 25 to 30 frames
 #: per second, and at a lower rate more changes from one frame to the next.
 _LONGEST = 40_000_000
+#: Upper bound of a time step, in frames: a longer gap says no more about the target's movement.
+LONGEST_STEP = 30.0
 #: Number of the latest intervals that the camera's own one is fitted to, where frames are lost.
 _MEMORY = 100
 #: Largest median deviation of intervals from whole multiples of the camera's, as a share of it,
@@ -38,7 +40,7 @@ class FrameIntervalEstimator:
 
     def steps(self, interval: int) -> float:
         """
-        Take the next interval; return the frame intervals in it, at least 1.
+        Take the next interval; return the frame intervals in it, from 1 to `LONGEST_STEP`.
 
         A whole number of usual intervals; if these are longer than 40 ms, of 40 ms each. Stamps
         that stand still or go back count as one interval.
@@ -47,7 +49,8 @@ class FrameIntervalEstimator:
             return 1.0
         self.add(interval)
         usual = max(1, self.interval or 1)
-        return max(1, round(interval / usual)) * max(1.0, usual / _LONGEST)
+        passed = max(1, round(interval / usual)) * max(1.0, usual / _LONGEST)
+        return min(passed, LONGEST_STEP)
 
     def missing(self, interval: int) -> int:
         """

@@ -17,8 +17,6 @@ from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.motion_filter import Motion, MotionFilter
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
 
-#: Upper bound of a time step, in frames: a longer gap says no more about the target's movement.
-LONGEST_STEP = 30.0
 #: A new tracker is updated this many times with the frame of the last measurement; and before
 #: that, with the exemplar rotated in steps of at most this angle, [rad].
 _REPEATS, _TURN_STEP = 5, 0.1
@@ -102,7 +100,7 @@ class TrackingSession:
         if stamp < self._stamp or frame.shape != self._frame.shape:
             self.forget()
             return None
-        dt = min(self._interval.steps(stamp - self._stamp), LONGEST_STEP)
+        dt = self._interval.steps(stamp - self._stamp)
         estimate = self._estimate = self._tracker.update(frame, dt)
         self._frame, self._stamp = frame, stamp
         self._motion.add(estimate, stamp)
