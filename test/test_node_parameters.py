@@ -208,7 +208,8 @@ def test_a_tracker_of_opencv_knows_no_covariance(talk):
 
 def test_a_tracker_that_cannot_take_over_while_paused():
     """The log says that the target is forgotten, and why, as it does while tracking."""
-    with NodeProcess(init_box='[60, 40, 4, 4]') as process, Client() as client:
+    with NodeProcess('-r', '__ns:=/paused', init_box='[60, 40, 4, 4]') as process, (
+            Client('/paused/tracker')) as client:
         client.ready().send(Scene().frame(0), 10**9)
         assert client.ask('~/enable', SetBool, data=False).success
         # it can't start on so small a box
