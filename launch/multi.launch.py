@@ -14,7 +14,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from vtrack_ros.dds import VARIABLES, with_profile
+from vtrack_ros.dds import profile_variables
 from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
@@ -75,6 +75,5 @@ def node(path, namespace, target):
         remappings=[(name, target[name]) for name in ('image', 'camera_info')
                     if target.get(name)],
         respawn=bool(target.get('respawn')), respawn_delay=1.0,
-        additional_env={name: value for name, value in with_profile(os.environ).items()
-                        if name in VARIABLES},
+        additional_env=profile_variables(os.environ),
         output='screen')

@@ -13,7 +13,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from vtrack_ros.dds import VARIABLES, with_profile
+from vtrack_ros.dds import profile_variables
 from vtrack_ros.ros.parameter_node import checked_init_box, INIT_BOX
 import yaml
 
@@ -70,7 +70,7 @@ def nodes(context):
         arguments=['--ros-args', '--log-level', given['log_level']],
         respawn=switch(given, 'respawn'),
         respawn_delay=1.0,
-        additional_env=profile() if switch(given, 'fastdds_profile') else {},
+        additional_env=profile_variables(os.environ) if switch(given, 'fastdds_profile') else {},
         output='screen')]
 
 
@@ -81,11 +81,6 @@ def target(text):
     except yaml.YAMLError:
         value = text
     return checked_init_box([] if value is None else value)
-
-
-def profile():
-    """Return the environment that names the Fast DDS profile, the user's own if there is one."""
-    return {name: value for name, value in with_profile(os.environ).items() if name in VARIABLES}
 
 
 def switch(given, name):

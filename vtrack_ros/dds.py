@@ -65,6 +65,11 @@ def with_profile(environment: Mapping[str, str]) -> dict[str, str]:
     return result
 
 
+def profile_variables(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables alone that name the profile in an environment `with_profile`."""
+    return {name: value for name, value in with_profile(environment).items() if name in VARIABLES}
+
+
 def abandoned_memory(folder: Path) -> int:
     """
     Return how many bytes of a folder are segments of Fast DDS left behind by killed processes.
