@@ -79,23 +79,22 @@ def _write_chart(path: Path, arguments: argparse.Namespace) -> None:
     path.write_text(chart + '\n', encoding='utf-8')
 
 
-def aucs(each: list[StressResults], kind: str | None, tracker: str) -> Array:
+def figures(each: list[StressResults], kind: str | None, tracker: str,
+            key: str = 'auc') -> Array:
     """
-    Return a tracker's AUC, shape (targets, severities), the mean of the results of several seeds.
+    Return a figure of a tracker, shape (targets, severities), the mean of several seeds' results.
 
-    The kind None is no stress; it has one severity.
+    The kind None is no stress; it has one severity. `key` is a key of `Scores`, by default of AUC.
     """
     levels = [[one.plain] if kind is None else list(one.of_kind(kind).values()) for one in each]
-    return np.mean([[[row.get(tracker, {}).get('auc', math.nan)
+    return np.mean([[[row.get(tracker, {}).get(key, math.nan)
                       for row in level.by_sequence.values()] for level in of_seed]
                     for of_seed in levels], axis=0).T
 
 
 def coverage(each: list[StressResults], kind: str | None, tracker: str) -> float:
     """Return the share of true centres in a tracker's 90 % ellipse, the mean under one kind."""
-    return float(np.nanmean([
-        level.summary.get(tracker, {}).get('coverage90', math.nan) for of_seed in each
-        for level in ([of_seed.plain] if kind is None else of_seed.of_kind(kind).values())]))
+    return float(np.nanmean(figures(each, kind, tracker, 'coverage90')))
 
 
 def gain(each: list[StressResults], tracker: str,
@@ -105,7 +104,7 @@ def gain(each: list[StressResults], tracker: str,
 
     It's the mean over these kinds of the mean over a kind's severities.
     """
-    gains = np.mean([(aucs(each, kind, tracker) - aucs(each, kind, REFERENCE)).mean(axis=1)
+    gains = np.mean([(figures(each, kind, tracker) - figures(each, kind, REFERENCE)).mean(axis=1)
                      for kind in kinds], axis=0)
     return {target: float(value) for target, value in zip(each[0].plain.sequences, gains)
             if np.isfinite(value)}
@@ -134,7 +133,7 @@ def _shown(each: list[StressResults]) -> dict[str, object]:
     return {
         'kinds': {kind or 'plain': {
             'severities': list(first.of_kind(kind)) if kind else [],
-            'auc': {tracker: np.nanmean(aucs(each, kind, tracker), axis=0).tolist()
+            'auc': {tracker: np.nanmean(figures(each, kind, tracker), axis=0).tolist()
                     for tracker in trackers},
             'coverage90': {tracker: coverage(each, kind, tracker) for tracker in trackers},
             **({'changed': changed[kind]['changed']} if kind else {})}
@@ -174,7 +173,7 @@ def _rows(each: list[StressResults]) -> list[list[str]]:
     rows = [['', REFERENCE, *(f'{tracker} minus dcf' for tracker in others)]]
     every = {'plain': (None,), **{kind: (kind,) for kind in first.kinds}, '**mean**': first.kinds}
     for name, kinds in every.items():
-        level = np.mean([np.nanmean(aucs(each, kind, REFERENCE)) for kind in kinds])
+        level = np.mean([np.nanmean(figures(each, kind, REFERENCE)) for kind in kinds])
         gains = [np.array(list(gain(each, tracker, kinds).values())) for tracker in others]
         rows.append([name, number_text(float(level), 'auc'), *(
             interval_text(interval(values)) if len(values) else '-' for values in gains)])
@@ -193,7 +192,7 @@ def _severities(each: list[StressResults]) -> list[list[str]]:
     first = each[0]
     rows = [['', *first.plain.summary]]
     for kind in first.kinds:
-        means = np.array([np.nanmean(aucs(each, kind, tracker), axis=0)
+        means = np.array([np.nanmean(figures(each, kind, tracker), axis=0)
                           for tracker in first.plain.summary]).T
         rows += [[f'{kind} {severity:g} ({STRESS_KINDS[kind].unit})',
                   *(number_text(float(value), 'auc') for value in row)]
