@@ -31,7 +31,10 @@ def test_a_target_that_is_lost_is_followed_without_each_ingredient(
     assert asked
     assert list(scores) == list(ingredients.WITHOUT)
     assert all(0 <= score <= 1 for score in scores.values())
-    assert scores == ingredients.follow('gmpf', 'hidden', 0, sequence)
+    some = ('re-detection', 'the second model')
+    monkeypatch.setattr(ingredients, 'WITHOUT', {name: ingredients.WITHOUT[name] for name in some})
+    assert ingredients.follow('gmpf', 'hidden', 0, sequence) == {
+        name: scores[name] for name in some}
 
 
 def test_what_was_left_out_is_there_again(ingredients):

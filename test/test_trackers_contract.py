@@ -305,8 +305,7 @@ def test_a_pause_of_any_length_leaves_the_covariance_within_the_image(name):
             assert np.sqrt(covariance.diagonal()[:2]).max() < 3 * max(SIZE)
 
 
-@pytest.mark.parametrize('seed', [1, 4, 6, 10])
-@pytest.mark.parametrize('pause', [5, 10, 20])
+@pytest.mark.parametrize('pause, seed', [(5, 4), (10, 6), (10, 10), (20, 1)])
 @pytest.mark.parametrize('name', [
     name for name in NAMES if 'localiser' in tracker_class(name).PARAMETERS])
 def test_a_target_found_after_a_pause_is_as_certain_as_before(name, pause, seed):

@@ -109,8 +109,7 @@ def test_a_target_that_darts_off_in_the_second_frame_is_followed(name):
     assert kept >= 5
 
 
-@pytest.mark.parametrize('seed', range(3))
-@pytest.mark.parametrize('name', GUIDED)
+@pytest.mark.parametrize('seed, name', list(enumerate(GUIDED)))
 def test_a_target_that_stops_is_still_there(name, seed):
     """A target that stops, and so moves like the background, isn't taken for lost."""
     video = DrawnVideo(seed=seed)

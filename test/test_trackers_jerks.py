@@ -38,8 +38,7 @@ def jerked(seed):
     return film
 
 
-@pytest.mark.parametrize('seed', range(3))
-@pytest.mark.parametrize('name', NAMES)
+@pytest.mark.parametrize('seed, name', list(enumerate(NAMES)))
 def test_a_target_is_found_in_the_frame_after_a_jerk(name, seed):
     """The jump, of up to 4.5 sides, is beyond any search window; it's measured by the image."""
     tracker = create_tracker(name, seed=seed)
