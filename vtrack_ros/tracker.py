@@ -195,7 +195,6 @@ class Tracker(ABC):
     def _prepare(self, values: dict[str, Value]) -> None:
         """Raise a ValueError if values are invalid in combination; nothing changes then."""
 
-    @abstractmethod
     def _configure(self) -> None:
         """Derive whatever depends on the parameters; called before the first frame too."""
 

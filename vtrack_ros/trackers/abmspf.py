@@ -49,9 +49,6 @@ class MeanShiftParticleFilter(LocalisedTracker):
                   0.0, 1.0),
     ]) + MEAN_SHIFT_PARTICLES + LOCALISER
 
-    def _configure(self) -> None:
-        """Every parameter is read when it's needed."""
-
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._begin(frame, box)
         self._velocity = np.zeros(2)

@@ -20,9 +20,6 @@ class CorrelationTracker(Tracker):
     SUMMARY = 'discriminative correlation filter without particles (DCF)'
     PARAMETERS = PRESENCE
 
-    def _configure(self) -> None:
-        """Parameters are read where they're used."""
-
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._localiser = Localiser(frame, box.center, (box.width, box.height), self._rng)
         return self._localiser.estimate(np.zeros((4, 4)))

@@ -44,9 +44,6 @@ class OpenCVTracker(Tracker):
             raise ValueError(f'{self.NAME} needs an OpenCV with {self.NEEDS}; '
                              f'the installed {cv2.__version__} lacks it')
 
-    def _configure(self) -> None:
-        """Nothing changes before the next start."""
-
     def _create(self) -> Any:
         """Return OpenCV's tracker."""
         return _factory(self.OPENCV_NAME)()
