@@ -19,7 +19,8 @@ class Parameter:
     Its type is the default's, its description a sentence for the user. A number has a closed range
     and a unit such as ``px``, empty where it has none; `choices` are the valid values, empty where
     any value of the type and in the range is valid. A dynamic one may change while the tracker
-    runs. `check` raises a ValueError at a value of that type and range that is invalid still.
+    runs. `check` raises a ValueError at a value of that type and range that is invalid still; the
+    default is valid.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Parameter:
             above = self.high is not None and result > self.high
             if below or above or not math.isfinite(result):
                 raise ValueError(f'{self.name} must be {self.valid}, not {value!r}')
-        if self.check is not None:
+        if self.check is not None and result != self.default:
             try:
                 self.check(result)
             except ValueError as error:

@@ -97,27 +97,9 @@ def exemplar_side(size: tuple[Length, Length]) -> Length:
     return side
 
 
-def check_network(path: str) -> None:
-    """Raise a ValueError unless a path is empty, or that of a network that OpenCV can read."""
-    if path:
-        _read(path)
-
-
-def check_backbone(path: str) -> None:
-    """Raise a ValueError unless a path is empty, or a backbone's."""
-    if path:
-        read_backbone(path)
-
-
-def check_head(path: str) -> None:
-    """Raise a ValueError unless a path is empty, or a head's."""
-    if path:
-        read_head(path)
-
-
 def read_backbone(path: str) -> cv2.dnn.Net:
     """Return the backbone in an ONNX file; errors as `SiameseNetwork`."""
-    net = _read(path)
+    net = read_network(path)
     for samples, side in _FEATURES.items():
         _check(path, net, {'': (1, 3, samples, samples)}, {'': (1, _CHANNELS, side, side)})
     return net
@@ -125,14 +107,15 @@ def read_backbone(path: str) -> cv2.dnn.Net:
 
 def read_head(path: str) -> cv2.dnn.Net:
     """Return the head in an ONNX file; errors as `SiameseNetwork`."""
-    net = _read(path)
+    net = read_network(path)
     inputs = {name: (1, _CHANNELS, side, side)
               for name, side in zip((_TEMPLATE, _SEARCH), _FEATURES.values())}
     _check(path, net, inputs, {_SCORES: (1, 2, PLACES, PLACES), _SIDES: (1, 4, PLACES, PLACES)})
     return net
 
 
-def _read(path: str) -> cv2.dnn.Net:
+def read_network(path: str) -> cv2.dnn.Net:
+    """Return the network in an ONNX file; ValueError if it's missing, or OpenCV can't read it."""
     # Path.is_file raises an OSError for a name that is too long.
     if not os.path.isfile(path):
         raise ValueError(f'{path!r} is not a file')

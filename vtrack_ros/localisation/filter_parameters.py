@@ -1,6 +1,6 @@
 """Parameter tables that trackers, or a tracker and the replica of its paper, have in common."""
 
-from vtrack_ros.appearance.siamese_network import check_backbone, check_head
+from vtrack_ros.appearance.siamese_network import read_backbone, read_head
 from vtrack_ros.localisation.presence import DEFAULT_THRESHOLD
 from vtrack_ros.parameters import Parameter, ParameterTable
 
@@ -18,9 +18,9 @@ LOCALISER = PRESENCE + ParameterTable([
               choices=('dcf', 'siamese')),
     Parameter('siamese.backbone', '', "ONNX file of the Siamese network's backbone, with the "
               'inputs and outputs of NanoTrack V2; needed if localiser is siamese.',
-              check=check_backbone),
+              check=read_backbone),
     Parameter('siamese.head', '', "ONNX file of the Siamese network's head, with the inputs and "
-              'outputs of NanoTrack V2; needed if localiser is siamese.', check=check_head),
+              'outputs of NanoTrack V2; needed if localiser is siamese.', check=read_head),
 ])
 #: Parameters of a particle filter over boxes.
 MOTION = ParameterTable([

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import cv2
 import numpy as np
 
-from vtrack_ros.appearance.siamese_network import check_backbone, check_head, check_network
+from vtrack_ros.appearance.siamese_network import read_backbone, read_head, read_network
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.parameters import Parameter, ParameterTable, Value
@@ -154,9 +154,9 @@ class Nano(NetworkTracker):
     NEEDS = 'TrackerNano (4.7 or newer)'
     PARAMETERS = ParameterTable([
         Parameter('backbone', '', "ONNX file of NanoTrack V2's backbone. Takes effect with the "
-                  'next target or ~/reinit.', check=check_backbone),
+                  'next target or ~/reinit.', check=read_backbone),
         Parameter('head', '', "ONNX file of NanoTrack V2's head. Takes effect with the next "
-                  'target or ~/reinit.', check=check_head),
+                  'target or ~/reinit.', check=read_head),
     ])
     _FIELDS = {'backbone': 'backbone', 'head': 'neckhead'}
 
@@ -170,7 +170,7 @@ class Vit(NetworkTracker):
     NEEDS = 'TrackerVit (4.9 or newer)'
     PARAMETERS = ParameterTable([
         Parameter('network', '', "ONNX file of VitTrack's network. Takes effect with the next "
-                  'target or ~/reinit.', check=check_network),
+                  'target or ~/reinit.', check=read_network),
     ])
     _FIELDS = {'network': 'net'}
 
