@@ -1,4 +1,4 @@
-"""The cues of the papers' filters: measurement, likelihood, and Qi and Li's fusion as printed."""
+"""The cues of the papers' filters: measurement and likelihood."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import pytest
 
 from vtrack_ros.geometry import affine
 from vtrack_ros.replicas.affine_filters import ConsecutiveKeypoints
-from vtrack_ros.replicas.cues import BoxCues, FUSIONS, normalised_masses
+from vtrack_ros.replicas.cues import BoxCues
+from vtrack_ros.replicas.fusion import FUSIONS
 from vtrack_ros.replicas.keypoints import Keypoints
 
 SIDE = 24
@@ -103,39 +104,6 @@ def test_sizes_out_of_range_and_places_outside_are_unlikely():
     for boxes in (sizes, places):
         assert (np.diff(cues.log_likelihood(boxes)) < 0).all()
     assert (cues.bounded(sizes)[:, 2:] <= 5 * SIDE).all()
-
-
-def test_masses_of_equations_16_to_19():
-    """The weights are those worked out by hand for three particles."""
-    colour, edge = np.array([2.0, 1.0, 1.0]), np.array([1.0, 3.0, 0.0])
-    w_d, w_edge = np.array([0.5, 0.25, 0.25]), np.array([0.25, 0.75, 0.0])
-    # eq. 18 with the denominator of Dempster's rule
-    fused = [0.125 / (0.125 + 0.375), 0.1875 / (0.1875 + 0.1875), 0.0]
-    assert_allclose(fused, w_d * w_edge / (w_d * w_edge + (1 - w_d) * (1 - w_edge)))
-    weights = np.exp(normalised_masses(np.stack([colour, edge]), np.ones(2)))
-    assert_allclose(weights, [1 / 3, 2 / 3, 0.0])  # 1/4 and 1/2, over their sum
-
-
-def test_many_masses_are_close_to_the_product():
-    """With masses of about 1/N Dempster's rule gives the normalised product, to 2 %."""
-    likelihoods = np.random.default_rng(0).uniform(0.5, 1.0, (2, 500))
-    expected = likelihoods.prod(0) / likelihoods.prod(0).sum()
-    assert_allclose(np.exp(normalised_masses(likelihoods, np.ones(2))), expected, rtol=0.02)
-
-
-def test_a_cue_that_abstains_leaves_the_other_ones_order():
-    """Its masses are 1/N for all particles; the scale of the likelihoods has no effect."""
-    colour = np.random.default_rng(0).uniform(size=20)
-    silent = np.full(20, np.nan)
-    found = normalised_masses(np.stack([colour, silent]), np.ones(2))
-    assert (np.argsort(found) == np.argsort(colour)).all()
-    assert_allclose(found, normalised_masses(np.stack([7 * colour, silent]), np.zeros(2)))
-
-
-def test_certain_cues_that_contradict_each_other_leave_no_weight():
-    """All weights are zero, which the filter treats as no measurement."""
-    found = normalised_masses(np.eye(2), np.ones(2))
-    assert (found == -np.inf).all()
 
 
 def seen(points, descriptors):

@@ -5,13 +5,16 @@ from __future__ import annotations
 from itertools import product as pairs
 
 import numpy as np
+from numpy.testing import assert_allclose
 import pytest
 
 from vtrack_ros.replicas.fusion import (
-    dempster_shafer, FUSION_RULES, product, reliability, weighted_sum)
+    dempster_shafer, normalised_masses, product, reliability, weighted_sum)
 
 TARGET, OTHER = frozenset({'target'}), frozenset({'other'})
 EITHER = TARGET | OTHER
+#: The rules that count a cue by its reliability.
+DISCOUNTING = (dempster_shafer, product, weighted_sum)
 
 
 def combined(masses):
@@ -45,7 +48,7 @@ def test_full_trust_gives_the_normalised_product():
     p, q = np.meshgrid(np.linspace(0.2, 0.8, 7), np.linspace(0.2, 0.8, 7))
     found = np.exp(dempster_shafer(np.stack([p.ravel(), q.ravel()]), np.ones(2)))
     expected = p * q / (p * q + (1 - p) * (1 - q))
-    np.testing.assert_allclose(found, expected.ravel(), atol=0.01)
+    assert_allclose(found, expected.ravel(), atol=0.01)
 
 
 def test_it_doesnt_matter_which_cue_comes_first():
@@ -53,8 +56,8 @@ def test_it_doesnt_matter_which_cue_comes_first():
     rng = np.random.default_rng(1)
     likelihoods, trusts = rng.uniform(size=(3, 20)), np.array([0.9, 0.1, 0.5])
     order = [2, 0, 1]
-    np.testing.assert_allclose(dempster_shafer(likelihoods, trusts),
-                               dempster_shafer(likelihoods[order], trusts[order]))
+    assert_allclose(dempster_shafer(likelihoods, trusts),
+                    dempster_shafer(likelihoods[order], trusts[order]))
 
 
 def test_certain_cues_that_contradict_each_other():
@@ -63,17 +66,17 @@ def test_certain_cues_that_contradict_each_other():
     assert found[0] == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize('rule', FUSION_RULES.values(), ids=FUSION_RULES.keys())
+@pytest.mark.parametrize('rule', DISCOUNTING)
 def test_a_cue_without_reliability_is_left_out(rule):
     """A cue of reliability 0, also one that abstains with NaN, has no effect on the result."""
     heard = np.random.default_rng(2).uniform(0.1, 1, size=(1, 30))
     alone = rule(heard, np.array([0.8]))
     for silent in (np.full((1, 30), np.nan), np.random.default_rng(3).uniform(size=(1, 30))):
         both = rule(np.concatenate([heard, silent]), np.array([0.8, 0.0]))
-        np.testing.assert_allclose(both, alone)
+        assert_allclose(both, alone)
 
 
-@pytest.mark.parametrize('rule', FUSION_RULES.values(), ids=FUSION_RULES.keys())
+@pytest.mark.parametrize('rule', DISCOUNTING)
 def test_what_both_cues_prefer_wins(rule):
     """A hypothesis that is better for every cue has the higher log-likelihood."""
     likelihoods = np.array([[0.2, 0.5, 0.9], [0.1, 0.6, 0.7]])
@@ -84,7 +87,7 @@ def test_what_both_cues_prefer_wins(rule):
 
 def test_without_any_cue_all_hypotheses_are_alike():
     """If all cues abstain the results are finite, and equal for all hypotheses."""
-    for rule in FUSION_RULES.values():
+    for rule in DISCOUNTING:
         found = rule(np.full((2, 5), np.nan), np.zeros(2))
         assert np.isfinite(found).all() and np.ptp(found) == 0
 
@@ -92,8 +95,8 @@ def test_without_any_cue_all_hypotheses_are_alike():
 def test_product_and_sum():
     """They are the sum of logs, and the log of the mean weighted by the reliabilities."""
     likelihoods, trusts = np.array([[0.5, 0.2], [0.4, 0.8]]), np.array([0.25, 0.75])
-    np.testing.assert_allclose(product(likelihoods, trusts), np.log([0.2, 0.16]))
-    np.testing.assert_allclose(
+    assert_allclose(product(likelihoods, trusts), np.log([0.2, 0.16]))
+    assert_allclose(
         weighted_sum(likelihoods, trusts),
         np.log([0.25 * 0.5 + 0.75 * 0.4, 0.25 * 0.2 + 0.75 * 0.8]))
 
@@ -103,4 +106,37 @@ def test_reliability_is_contrast():
     flat, peaked = np.full(100, 0.7), np.zeros(100)
     peaked[3] = 1
     found = reliability(np.stack([flat, peaked, np.full(100, np.nan), np.zeros(100)]))
-    np.testing.assert_allclose(found, [0, 0.99, 0, 0], atol=1e-12)
+    assert_allclose(found, [0, 0.99, 0, 0], atol=1e-12)
+
+
+def test_masses_of_equations_16_to_19():
+    """The weights are those worked out by hand for three particles."""
+    colour, edge = np.array([2.0, 1.0, 1.0]), np.array([1.0, 3.0, 0.0])
+    w_d, w_edge = np.array([0.5, 0.25, 0.25]), np.array([0.25, 0.75, 0.0])
+    # eq. 18 with the denominator of Dempster's rule
+    fused = [0.125 / (0.125 + 0.375), 0.1875 / (0.1875 + 0.1875), 0.0]
+    assert_allclose(fused, w_d * w_edge / (w_d * w_edge + (1 - w_d) * (1 - w_edge)))
+    weights = np.exp(normalised_masses(np.stack([colour, edge]), np.ones(2)))
+    assert_allclose(weights, [1 / 3, 2 / 3, 0.0])  # 1/4 and 1/2, over their sum
+
+
+def test_many_masses_are_close_to_the_product():
+    """With masses of about 1/N Dempster's rule gives the normalised product, to 2 %."""
+    likelihoods = np.random.default_rng(0).uniform(0.5, 1.0, (2, 500))
+    expected = likelihoods.prod(0) / likelihoods.prod(0).sum()
+    assert_allclose(np.exp(normalised_masses(likelihoods, np.ones(2))), expected, rtol=0.02)
+
+
+def test_a_cue_that_abstains_leaves_the_other_ones_order():
+    """Its masses are 1/N for all particles; the scale of the likelihoods has no effect."""
+    colour = np.random.default_rng(0).uniform(size=20)
+    silent = np.full(20, np.nan)
+    found = normalised_masses(np.stack([colour, silent]), np.ones(2))
+    assert (np.argsort(found) == np.argsort(colour)).all()
+    assert_allclose(found, normalised_masses(np.stack([7 * colour, silent]), np.zeros(2)))
+
+
+def test_certain_cues_that_contradict_each_other_leave_no_weight():
+    """All weights are zero, which the filter treats as no measurement."""
+    found = normalised_masses(np.eye(2), np.ones(2))
+    assert (found == -np.inf).all()

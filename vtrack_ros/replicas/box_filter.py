@@ -12,8 +12,9 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.localisation.filter_parameters import MOTION, RESAMPLING
 from vtrack_ros.localisation.presence import state_after, unknown_covariance
 from vtrack_ros.parameters import Parameter, ParameterTable
-from vtrack_ros.replicas.cues import BoxCues, FusionRule, FUSIONS
+from vtrack_ros.replicas.cues import BoxCues
 from vtrack_ros.replicas.dynamics import DYNAMICS, motion_model
+from vtrack_ros.replicas.fusion import FusionRule, FUSIONS
 from vtrack_ros.tracker import Estimate, Tracker
 
 #: Standard deviations (centre, size) of errors that the particles' spread doesn't contain, as

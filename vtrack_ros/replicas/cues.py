@@ -1,18 +1,13 @@
 """The cues that the papers' particle filters weight boxes with: colour, and moving edges."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from vtrack_ros.appearance.histogram import Boxes, ColourHistogram
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.localisation.presence import logistic
-from vtrack_ros.replicas.fusion import FUSION_RULES, reliability
+from vtrack_ros.replicas.fusion import FusionRule, product, reliability
 from vtrack_ros.replicas.motion_edge import MotionEdge
-
-#: From likelihoods (cues, N) and reliabilities (cues,) to the log of the fused one, shape (N,).
-FusionRule = Callable[[Array, Array], Array]
 
 #: Grid of places for measuring the centre: number along each axis, and spacing in target sides.
 _PLACES, _SPACING = 7, 0.15
@@ -49,7 +44,7 @@ class BoxCues:
         self._colour = ColourHistogram(kernel=kernel, grid=grid)
         self._edges = MotionEdge() if edges else None
         self.sigma = 0.1
-        self.fusion: FusionRule = FUSION_RULES['product']
+        self.fusion: FusionRule = product
 
     def start(self, frame: Frame, box: Array) -> None:
         """Learn the reference histogram from a box, shape (4,)."""
@@ -126,36 +121,3 @@ class BoxCues:
         """Update the reference of the moving edges from a box, shape (4,)."""
         if self._edges is not None:
             self._edges.update(box)
-
-
-def normalised_masses(likelihoods: Array, _: Array) -> Array:
-    """
-    Fuse cues by the theory of evidence as printed in [Qi2012, eqs 16-19].
-
-    Each cue's likelihoods are divided by their sum over the particles; the result is the cue's
-    basic probability of "this particle is the target" (eqs 16, 17). Two cues are combined by
-    Dempster's rule,
-
-        w = w_d w_D / (w_d w_D + (1 - w_d) (1 - w_D)),
-
-    and divided by their sum again (eq. 19). Eq. 18 prints `(1 - w_d) w_D` in the denominator, by
-    which the second cue cancels and w = w_d: the colour alone, which `cues=colour` runs.
-
-    A cue that abstains is the same for all particles: eqs 16 and 17 give each 1/N. The previous
-    weight, a factor in both eq. 8 and eq. 15, isn't applied here: the filter's step d does, once.
-
-    Takes likelihoods, shape (cues, N), a row of NaN for a cue that abstains, and reliabilities,
-    which are ignored: the paper has none. Returns the log of weights that sum to one, shape (N,).
-    """
-    heard = np.where(np.isnan(likelihoods), 1.0, likelihoods)
-    masses = heard / heard.sum(axis=1, keepdims=True)
-    target, other = masses.prod(axis=0), (1 - masses).prod(axis=0)
-    with np.errstate(divide='ignore'):
-        # two cues that are certain of different particles would give 0 / 0
-        fused = target / np.maximum(target + other, np.finfo(np.float64).tiny)
-        result: Array = np.log(fused / max(fused.sum(), np.finfo(np.float64).tiny))
-    return result
-
-
-#: Rules of fusion by name: our interpretations, and the second paper's equations as printed.
-FUSIONS: dict[str, FusionRule] = {**FUSION_RULES, 'normalised': normalised_masses}

@@ -6,6 +6,9 @@ import numpy as np
 
 from vtrack_ros.frame import Array
 
+#: From likelihoods (cues, N) and reliabilities (cues,) to the log of the fused one, shape (N,).
+FusionRule = Callable[[Array, Array], Array]
+
 #: Lower bound of a fused weight, so that no hypothesis is impossible.
 _LEAST = 1e-12
 
@@ -66,6 +69,36 @@ def dempster_shafer(likelihoods: Array, reliabilities: Array) -> Array:
     return np.log(np.maximum(target + unknown / 2, _LEAST))
 
 
-#: Rules of fusion by name: functions of likelihoods (cues, N) and reliabilities (cues,).
-FUSION_RULES: dict[str, Callable[[Array, Array], Array]] = {
-    'dempster_shafer': dempster_shafer, 'product': product, 'sum': weighted_sum}
+def normalised_masses(likelihoods: Array, _: Array) -> Array:
+    """
+    Fuse cues by the theory of evidence as printed in [Qi2012, eqs 16-19].
+
+    Each cue's likelihoods are divided by their sum over the particles; the result is the cue's
+    basic probability of "this particle is the target" (eqs 16, 17). Two cues are combined by
+    Dempster's rule,
+
+        w = w_d w_D / (w_d w_D + (1 - w_d) (1 - w_D)),
+
+    and divided by their sum again (eq. 19). Eq. 18 prints `(1 - w_d) w_D` in the denominator, by
+    which the second cue cancels and w = w_d: the colour alone, which `cues=colour` runs.
+
+    A cue that abstains is the same for all particles: eqs 16 and 17 give each 1/N. The previous
+    weight, a factor in both eq. 8 and eq. 15, isn't applied here: the filter's step d does, once.
+
+    Takes likelihoods, shape (cues, N), a row of NaN for a cue that abstains, and reliabilities,
+    which are ignored: the paper has none. Returns the log of weights that sum to one, shape (N,).
+    """
+    heard = np.where(np.isnan(likelihoods), 1.0, likelihoods)
+    masses = heard / heard.sum(axis=1, keepdims=True)
+    target, other = masses.prod(axis=0), (1 - masses).prod(axis=0)
+    with np.errstate(divide='ignore'):
+        # two cues that are certain of different particles would give 0 / 0
+        fused = target / np.maximum(target + other, np.finfo(np.float64).tiny)
+        result: Array = np.log(fused / max(fused.sum(), np.finfo(np.float64).tiny))
+    return result
+
+
+#: Rules of fusion by name: our interpretations, and the second paper's equations as printed.
+FUSIONS: dict[str, FusionRule] = {
+    'dempster_shafer': dempster_shafer, 'product': product, 'sum': weighted_sum,
+    'normalised': normalised_masses}

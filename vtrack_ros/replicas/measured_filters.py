@@ -10,7 +10,7 @@ from vtrack_ros.estimation import (
 from vtrack_ros.localisation.filter_parameters import WEIGHTING
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.box_filter import BOX_PARAMETERS, BoxParticleFilter
-from vtrack_ros.replicas.cues import FusionRule, normalised_masses
+from vtrack_ros.replicas.fusion import FusionRule, normalised_masses
 
 _QUADRATURE = ParameterTable([
     *(replace(BOX_PARAMETERS[name], default=default) for name, default in (
