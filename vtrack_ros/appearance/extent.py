@@ -47,7 +47,8 @@ _ITERATIONS, _LEAST_SEGMENT_SIDE, _TRIMMED = 3, 8, 1.0
 _STEP = 1.5
 
 
-def find_extent(frame: Frame, x: float, y: float) -> Box:
+def find_extent(frame: Frame, x: float, y: float, least: float = 0.0,
+                most: float = math.inf) -> Box:
     """
     Return the box about a point that is most probably the target's extent.
 
@@ -59,48 +60,9 @@ def find_extent(frame: Frame, x: float, y: float) -> Box:
     maxima, at parts of the target and at what the target is a part of. Since a click is seldom at
     the centre, the box is then averaged with that of the target as segmented there.
 
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-        The image.
-    x, y : float, [px]
-        The point, inside the frame; best at the target's centre.
-
+    The point, (x, y) in pixels, is inside the frame, best at the target's centre; the box's area
+    in the frame is from `least` to `most`, [px^2]. ValueError if there's no such extent.
     """
-    return _most_probable(frame, x, y)
-
-
-def next_extent(frame: Frame, box: Box, larger: bool) -> Box:
-    """
-    Return the most probable extent about a box's centre that is larger, or smaller, than the box.
-
-    For a click that found a part of the target only, or what the target is a part of. The area
-    differs by a factor of at least 1.5; otherwise as `find_extent`.
-
-    Parameters
-    ----------
-    frame : ndarray of uint8, shape (H, W, 3) in BGR order or (H, W)
-        The image.
-    box : Box, [px]
-        The present extent.
-    larger : bool
-        Whether the target is larger than the box; otherwise it's smaller.
-
-    Raises
-    ------
-    ValueError
-        If the image has no such extent.
-
-    """
-    height, width = frame.shape[:2]
-    x, y = (min(max(place, 0.0), float(side)) for place, side in zip(box.center, (width, height)))
-    least, most = (_STEP * box.area, math.inf) if larger else (0.0, box.area / _STEP)
-    return _most_probable(frame, x, y, least, most)
-
-
-def _most_probable(frame: Frame, x: float, y: float, least: float = 0.0,
-                   most: float = math.inf) -> Box:
-    """Return the most probable extent with an area from `least` to `most`, [px^2]."""
     height, width = frame.shape[:2]
     visible = min(_LEAST_SIZE / height, _WINDOWS[-1][1][-1])
     windows = [(side, sizes[sizes >= visible]) for side, sizes in _WINDOWS]
@@ -126,6 +88,19 @@ def _most_probable(frame: Frame, x: float, y: float, least: float = 0.0,
     mean = Box(*(box.as_array() + _segmented(frame, box).as_array()) / 2)
     mean = mean.clipped(width, height) or box
     return mean if least <= mean.area <= most else box
+
+
+def next_extent(frame: Frame, box: Box, larger: bool) -> Box:
+    """
+    Return the most probable extent about a box's centre that is larger, or smaller, than the box.
+
+    For a click that found a part of the target only, or what the target is a part of. The area
+    differs by a factor of at least 1.5; otherwise as `find_extent`.
+    """
+    height, width = frame.shape[:2]
+    x, y = (min(max(place, 0.0), float(side)) for place, side in zip(box.center, (width, height)))
+    least, most = (_STEP * box.area, math.inf) if larger else (0.0, box.area / _STEP)
+    return find_extent(frame, x, y, least, most)
 
 
 def _candidates(frame: Frame, x: float, y: float, side: float,
