@@ -27,7 +27,7 @@ from vtrack_ros.bags.topics import absolute, Topic
 from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
-from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.messages.images import decoded, stamp_nanoseconds
 
 # The exceptions that rosbags and the storage below it raise on invalid data.
 _BROKEN = (
@@ -228,8 +228,7 @@ class BagReader:
         for number, raw in enumerate(self.raw({chosen.name})):
             message = self._deserialized(raw)
             try:
-                compressed = raw.message_type == messages.COMPRESSED_IMAGE
-                frame = compressed_to_frame(message) if compressed else to_frame(message)
+                frame = decoded(message)
             except ValueError as error:
                 text = f'{self.path}: image {number} of {chosen.name}: {error}'
                 if malformed is None:

@@ -1,6 +1,6 @@
 """From image to pose: the implementation that the plain and the managed node share."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 import time
 from typing import Any
 
@@ -8,8 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from vtrack_ros.frame import Frame
-from vtrack_ros.messages.images import compressed_to_frame, stamp_nanoseconds, to_frame
+from vtrack_ros.messages.images import decoded, stamp_nanoseconds
 from vtrack_ros.ros.diagnostics import Diagnostics, state_status
 from vtrack_ros.ros.message_types import installed, MessageTypes
 from vtrack_ros.ros.parameter_node import INIT_BOX, ParameterNode
@@ -70,9 +69,6 @@ class Pipeline:
             node, types, with_vision, self._target, log, self._give_up, self._changed)
         self._services.listen_to_detector(bool(settings['init_from_detections']))
         self._diagnostics = Diagnostics(node, self._publishers, self._state)
-        self._compressed = settings.text('image_transport') == 'compressed'
-        self._convert: Callable[[Any], Frame] = (
-            compressed_to_frame if self._compressed else to_frame)
         self._camera_info = Input(
             node, CameraInfo, 'camera_info', self._pose_publisher.on_camera_info, latched=True)
         self._watch_inputs()
@@ -81,10 +77,10 @@ class Pipeline:
     def activate(self) -> None:
         """Begin to take images."""
         settings = self._node.settings
+        transport = settings.text('image_transport')
         self._diagnostics.images = Input(
-            self._node, CompressedImage if self._compressed else Image,
-            image_topic(self._node, settings.text('image_transport')), self._on_image,
-            settings.text('reliability'))
+            self._node, CompressedImage if transport == 'compressed' else Image,
+            image_topic(self._node, transport), self._on_image, settings.text('reliability'))
         self._log.info(f'images are taken from {self._diagnostics.images.topic}; '
                        + ('the target of state_file is looked for in the first'
                           if self._state_file.waits else self._services.invitation()))
@@ -122,7 +118,7 @@ class Pipeline:
             self._arrived(stamp, began)
             return
         try:
-            frame = self._convert(message)
+            frame = decoded(message)
         except ValueError as error:
             flow.count_malformed(stamp, began, str(error))
             self._log.error(f'image dropped: {error}', throttle_duration_sec=THROTTLE)

@@ -18,6 +18,7 @@ from vision_msgs.msg import Detection2DArray
 from vtrack_ros.dds import leave
 from vtrack_ros.frame import Array
 from vtrack_ros.geometry import Box
+from vtrack_ros.messages.images import stamp_nanoseconds
 from vtrack_ros.signals import handling_signals
 from vtrack_ros.tracker import Estimate, TrackState
 
@@ -100,7 +101,7 @@ class Recorder:
         self._interrupted = True
 
     def _on_detections(self, message: Any) -> None:
-        answer = self._answer(message.header.stamp)
+        answer = self._answer(message.header)
         answer.received = time.time_ns()
         self.received += 1
         for detection in message.detections[:1]:
@@ -112,7 +113,7 @@ class Recorder:
                 TrackState.TRACKING)
 
     def _on_particles(self, message: Any) -> None:
-        self._answer(message.header.stamp).particles = np.array(
+        self._answer(message.header).particles = np.array(
             [[pose.position.x, pose.position.y] for pose in message.poses[:KEPT_PARTICLES]])
 
     def _on_state(self, message: Any) -> None:
@@ -124,5 +125,5 @@ class Recorder:
             answer.milliseconds = float(values['ms_per_frame'])
             answer.sent = int(values['image_sent'])
 
-    def _answer(self, stamp: Any) -> Answer:
-        return self.answers.setdefault(stamp.sec * 10**9 + stamp.nanosec, Answer())
+    def _answer(self, header: Any) -> Answer:
+        return self.answers.setdefault(stamp_nanoseconds(header.stamp), Answer())
