@@ -36,8 +36,8 @@ def test_pinhole_ray_in_exact_numbers():
     camera_info does; 100 px to the right of it at fx = 500 px is x = 0.2, 80 px up at
     fy = 400 px is y = -0.2.
     """
-    assert PINHOLE.ray(320.0, 240.0) == pytest.approx((0.0, 0.0), abs=1e-15)
-    assert PINHOLE.ray(420.0, 160.0) == pytest.approx((0.2, -0.2), abs=1e-15)
+    assert PINHOLE.ray_and_slope(320.0, 240.0)[0] == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert PINHOLE.ray_and_slope(420.0, 160.0)[0] == pytest.approx((0.2, -0.2), abs=1e-15)
     position = locate(*measured(420.0, 160.0, 50.0, 40.0), PINHOLE)
     assert position.units == 'ray'
     assert position.point == pytest.approx([0.2, -0.2, 1.0], abs=1e-15)
@@ -109,7 +109,8 @@ def test_distortion_is_undone(model, coefficients):
     camera = Camera(500.0, 400.0, 319.5, 239.5, 640, 480, model, coefficients)
     for x in np.linspace(-0.5, 0.5, 5):
         for y in np.linspace(-0.4, 0.4, 5):
-            assert camera.ray(*camera.project(x, y)) == pytest.approx((x, y), abs=1e-10)
+            ray, _ = camera.ray_and_slope(*camera.project(x, y))
+            assert ray == pytest.approx((x, y), abs=1e-10)
 
 
 @pytest.mark.parametrize('model', ['plumb_bob', 'rational_polynomial', 'equidistant'])
@@ -148,7 +149,7 @@ def test_from_message_with_binning_and_region():
     camera = camera_from_info(message)
     assert (camera.width, camera.height) == (200, 150)
     # Sensor (320, 240) as boxes count is the optical axis: ((320 - 100) / 2, (240 - 80) / 2).
-    assert camera.ray(110.0, 80.0) == pytest.approx((0.0, 0.0), abs=1e-15)
+    assert camera.ray_and_slope(110.0, 80.0)[0] == pytest.approx((0.0, 0.0), abs=1e-15)
     assert camera.project(0.2, -0.2) == pytest.approx((160.0, 40.0))
 
 
@@ -191,8 +192,8 @@ def test_a_box_that_no_ray_sees():
     """Beyond the range of the lens model the position is None, rather than a wrong one."""
     camera = Camera(500.0, 500.0, 319.5, 239.5, 640, 480, 'plumb_bob', (-0.3, 0.0, 0.0, 0.0))
     # r (1 - 0.3 r^2) is at most 0.703, at r = 1.054: nothing is farther than 351 px out.
-    assert all(map(math.isnan, camera.ray(320.0 + 360.0, 240.0)))
-    assert not any(map(math.isnan, camera.ray(320.0 + 340.0, 240.0)))
+    assert all(map(math.isnan, camera.ray_and_slope(320.0 + 360.0, 240.0)[0]))
+    assert not any(map(math.isnan, camera.ray_and_slope(320.0 + 340.0, 240.0)[0]))
     assert locate(*measured(320.0 + 360.0, 240.0, 10.0, 10.0), camera, width=0.5) is None
 
 

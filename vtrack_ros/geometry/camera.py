@@ -68,21 +68,12 @@ class Camera:
         return (float(column + 0.5 - self.offset[0]) / self.binning[0],
                 float(row + 0.5 - self.offset[1]) / self.binning[1])
 
-    def ray(self, column: float, row: float) -> tuple[float, float]:
-        """
-        Return x and y of the ray at depth 1 that a place on the image sees.
-
-        NaN where the lens model has no such ray: far outside the image it may bend back.
-        """
-        x, y = self.ray_and_slope(column, row)[0]
-        return float(x), float(y)
-
     def ray_and_slope(self, column: float, row: float) -> tuple[Array, Array]:
         """
-        Return the ray (2,) that a place [px] on the image sees, and its derivative.
+        Return x and y, (2,), of the ray at depth 1 that a place [px] sees, and its derivative.
 
-        The derivative is that of x and y at depth 1 (its rows) with respect to column and row (its
-        columns), [1/px].
+        The derivative is that of x and y (its rows) with respect to column and row (its columns),
+        [1/px]. NaN where the lens model has no such ray: far outside the image it may bend back.
         """
         step = 1e-2
         around = np.array([[0, 0], [step, 0], [-step, 0], [0, step], [0, -step]])
