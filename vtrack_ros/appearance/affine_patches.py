@@ -10,8 +10,8 @@ from vtrack_ros.frame import Array, Frame
 #: Affine frames sampled in one call: blocks that fit the processor's cache are several times as
 #: fast.
 _BLOCK = 50
-#: Samples of a colour histogram along each side of the rectangle.
-_HISTOGRAM_GRID = 12
+#: Of a colour histogram: samples along each side of the rectangle, and levels of each channel.
+_HISTOGRAM_GRID, _LEVELS = 12, 6
 
 
 class AffinePatches:
@@ -71,14 +71,14 @@ class AffinePatches:
             np.multiply(sampled, np.float32(1 / 255), out=patches[first:first + _BLOCK])
         return patches
 
-    def colours(self, bins: int = 6) -> Array:
+    def colours(self) -> Array:
         """
-        Return the HSV histograms of a colour frame, shape (N, bins ** 3) [Xiang, sec. 3.3.1].
+        Return the HSV histograms of a colour frame, shape (N, 216) [Xiang, sec. 3.3.1].
 
         Each sums to the share of its samples that are inside the frame.
         """
         hsv = cv2.cvtColor(self._pixels, cv2.COLOR_BGR2HSV_FULL)
-        index = joint_bins(cv2.split(hsv), bins)
+        index = joint_bins(cv2.split(hsv), _LEVELS)
         points = _grid(self._size, _HISTOGRAM_GRID)
         rows = self._rows().astype(np.float32)
         # half a pixel more, so that truncation rounds to the pixel that a point is in
@@ -87,7 +87,7 @@ class AffinePatches:
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         np.clip(x, 0, width - 1, out=x)
         np.clip(y, 0, height - 1, out=y)
-        colours, count = bins**3, len(x)
+        colours, count = _LEVELS**3, len(x)
         sampled = index.ravel().take(y.astype(np.intp) * width + x.astype(np.intp))
         sampled[~inside] = colours
         sampled += np.arange(count)[:, None] * (colours + 1)

@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the bag."""
     source = open_source(arguments.path, arguments.truth, arguments.no_truth)
     rate = arguments.rate or source.rate or 25.0
-    frames = with_progress(source.frames(), source.count or source.announced, 'frames')
+    frames = with_progress(source.frames(), source.count or source.announced)
     count = record(frames, arguments.out, rate=rate, storage=arguments.format,
                    compression=arguments.compress, topic=arguments.topic,
                    with_truth=source.truth is not None)

@@ -7,7 +7,7 @@ import signal
 import sys
 from typing import Any, TypeVar
 
-Item = TypeVar('Item')
+Frame = TypeVar('Frame')
 
 #: Minimum interval between two lines of a log, in seconds.
 _PAUSE = 5.0
@@ -38,12 +38,12 @@ class ProgressBar:
             self._bar = None
 
 
-def with_progress(items: Iterable[Item], total: int | None, unit: str) -> Iterator[Item]:
-    """Yield the items, and show how many of `total` were yielded."""
-    show = ProgressBar(unit)
-    for done, item in enumerate(items, start=1):
+def with_progress(frames: Iterable[Frame], total: int | None) -> Iterator[Frame]:
+    """Yield what there is of each frame, and show how many of `total` were yielded."""
+    show = ProgressBar('frames')
+    for done, frame in enumerate(frames, start=1):
         show(done, total)
-        yield item
+        yield frame
 
 
 class _LogLines(io.StringIO):

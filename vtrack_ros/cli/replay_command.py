@@ -89,7 +89,7 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
                 film = stack.enter_context(
                     Film(results.place, bag.rate(topic.name), topic.count))
         score = StreamScore(truth)
-        for step in with_progress(steps, topic.count, 'frames'):
+        for step in with_progress(steps, topic.count):
             score.add_step(step)
             if results is not None:
                 results.write(step)

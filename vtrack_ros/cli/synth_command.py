@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError('--out BAG is missing: the bag to write')
     frames = render(arguments.scene, arguments.size, arguments.frames, arguments.seed)
     total = arguments.frames or scene_info(arguments.scene).frames
-    shown = ((shot.frame, shot.truth) for shot in with_progress(frames, total, 'frames'))
+    shown = ((shot.frame, shot.truth) for shot in with_progress(frames, total))
     count = record(shown, arguments.out, rate=arguments.rate, storage=arguments.format,
                    compression=arguments.compress, topic=arguments.topic)
     print(f'{arguments.out}: {count} frames of {arguments.scene}, with ground truth')

@@ -60,11 +60,6 @@ class Child:
         if code:
             raise self.failure(f'ended with code {code}')
 
-    def end(self) -> None:
-        """Send SIGTERM, and `wait`."""
-        self.terminate()
-        self.wait()
-
     def terminate(self) -> None:
         """Send SIGTERM."""
         self._process.terminate()
@@ -136,7 +131,8 @@ def run(node: Sequence[str], player: Sequence[str], folder: Path,
                     quiet_since = time.monotonic()
                 if sent is None and not children[1].running:
                     sent, quiet_since = _frames_sent(children[1]), time.monotonic()
-        children[0].end()
+        children[0].terminate()
+        children[0].wait()
         return sent, recorder.answers
     finally:
         end_all(children)

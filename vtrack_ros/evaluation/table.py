@@ -48,13 +48,13 @@ def fewer_targets(results: Results) -> list[str]:
     return lines
 
 
-def sequence_table(results: Results, key: str = 'auc') -> str:
-    """Return one figure of each tracker on each sequence; the last row is the mean."""
+def sequence_table(results: Results) -> str:
+    """Return the AUC of each tracker on each sequence; the last row is the mean."""
     trackers = list(results.summary)
-    rows = [[f'{TITLES[key]} by sequence', *trackers]]
-    for sequence, by_tracker in results.by_sequence.items():
-        rows.append([sequence, *(_cell(by_tracker.get(tracker, {}), key) for tracker in trackers)])
-    rows.append(['mean', *(_cell(results.summary[tracker], key) for tracker in trackers)])
+    rows = [['AUC by sequence', *trackers]]
+    for sequence, row in results.by_sequence.items():
+        rows.append([sequence, *(_cell(row.get(tracker, {}), 'auc') for tracker in trackers)])
+    rows.append(['mean', *(_cell(results.summary[tracker], 'auc') for tracker in trackers)])
     return aligned(rows)
 
 

@@ -10,8 +10,8 @@ from vtrack_ros.appearance.sampling import PixelWindow
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import affine
 
-#: Largest mean side of the window that keypoints are detected in, in samples.
-_RESOLUTION = 80
+#: Largest mean side of the window that keypoints are detected in, and of the target, in samples.
+_RESOLUTION, _TARGET = 80, 50
 #: Largest number of keypoints in a window.
 _KEYPOINTS = 80
 #: Ratio test: upper bound of a match's descriptor distance to the second nearest's [Lowe 2004].
@@ -53,17 +53,16 @@ class PoseChange:
 
 
 class KeypointDetector:
-    """SIFT keypoints [Lowe 2004] of a window, at most `side` samples along a target's side."""
+    """SIFT keypoints [Lowe 2004] of a window."""
 
-    def __init__(self, side: int = 50) -> None:
-        self._side = side
+    def __init__(self) -> None:
         self._sift = cv2.SIFT.create(nfeatures=_KEYPOINTS, contrastThreshold=0.02)
 
     def detect(self, frame: Frame, center: tuple[float, float], target: tuple[float, float],
                reach: float = 1.0) -> Keypoints:
         """Return the keypoints of a window `reach` times as large as the target, in pixels."""
         size = reach * target[0], reach * target[1]
-        side = min(_RESOLUTION, reach * self._side)
+        side = min(_RESOLUTION, reach * _TARGET)
         shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
         columns, rows = (max(8, round(length * shrink)) for length in size)
         whole = PixelWindow.about(center, size)
