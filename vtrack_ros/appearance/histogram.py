@@ -45,8 +45,8 @@ class ColourHistogram:
     def histograms(self, frame: Frame, boxes: Boxes) -> Array:
         """Return the histograms, shape (N, K), of sum <= 1: points outside don't count."""
         index, left, top, stride = self._bin_image(frame, boxes)
-        return sampled_histograms(
-            index, self._levels(frame), _moved(boxes, left, top, stride), self.grid, self._weights)
+        moved = (boxes - np.array([left, top, 0, 0])) / stride
+        return sampled_histograms(index, self._levels(frame), moved, self.grid, self._weights)
 
     def _levels(self, frame: Frame) -> int:
         return self.bins**3 if frame.ndim == 3 else self.bins**2
@@ -116,9 +116,3 @@ def _sample(index: NDArray[np.intp], levels: int, boxes: Boxes, grid: int) -> ND
 def _offsets(grid: int) -> Array:
     """Return the offsets of a box's sample points along a side from its centre, in sides."""
     return (np.arange(grid) + 0.5) / grid - 0.5
-
-
-def _moved(boxes: Boxes, left: int, top: int, stride: int) -> Boxes:
-    """Return the boxes in pixels of a region at (left, top) that is subsampled by `stride`."""
-    moved: Boxes = (boxes - np.array([left, top, 0, 0])) / stride
-    return moved

@@ -95,10 +95,12 @@ def html_page(results: Results, stress: StressResults | None = None) -> str:
         files(__package__).joinpath('report.html.jinja').read_text(encoding='utf-8'))
     charts = {} if not rows else {
         'success': line_chart(
-            _mean_curves(results, colors, metrics.OVERLAP_THRESHOLDS, _success),
+            _mean_curves(results, colors, metrics.OVERLAP_THRESHOLDS, lambda boxes, truth:
+                         metrics.success_curve(metrics.overlaps(boxes, truth))),
             'overlap threshold', 'share of frames above', y_top=1.0),
         'precision': line_chart(
-            _mean_curves(results, colors, metrics.PRECISION_THRESHOLDS, _precision),
+            _mean_curves(results, colors, metrics.PRECISION_THRESHOLDS, lambda boxes, truth:
+                         metrics.precision_curve(metrics.center_errors(boxes, truth))),
             'centre error threshold [px]', 'share of frames within', y_top=1.0),
         'bars': bar_chart({
             name: {label: (_value(row[label], 'auc'), _value(row[label], 'auc_std'))
@@ -136,22 +138,15 @@ def _table(rows: Mapping[str, Scores], keys: tuple[str, ...]) -> dict[str, Any]:
 
 def _mean_curves(
         results: Results, colors: Mapping[str, str], thresholds: Array,
-        curve: Callable[[Run, Sequence], Array]) -> list[Curve]:
+        curve: Callable[[Array, Array], Array]) -> list[Curve]:
+    """Return each tracker's mean of a curve of boxes and truth, over seeds and sequences."""
     curves = []
     for label, color in colors.items():
-        rows = [np.mean([curve(run, sequence) for run in runs.values()], axis=0)
+        rows = [np.mean([curve(run.boxes, sequence.truth) for run in runs.values()], axis=0)
                 for sequence in results.sequences.values()
                 if (runs := results.runs(sequence.name, label))]
         curves.append(Curve(label, color, thresholds, np.mean(rows, axis=0)))
     return curves
-
-
-def _success(run: Run, sequence: Sequence) -> Array:
-    return metrics.success_curve(metrics.overlaps(run.boxes, sequence.truth))
-
-
-def _precision(run: Run, sequence: Sequence) -> Array:
-    return metrics.precision_curve(metrics.center_errors(run.boxes, sequence.truth))
 
 
 def _sequence(results: Results, sequence: Sequence, colors: Mapping[str, str]) -> dict[str, Any]:

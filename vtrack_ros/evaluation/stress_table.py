@@ -1,5 +1,6 @@
 """The results under stress, as text for a terminal and as JSON."""
 
+from dataclasses import asdict
 import math
 from typing import Any
 
@@ -11,15 +12,13 @@ from vtrack_ros.evaluation.table import aligned, number_text
 def stress_table(stress: StressResults) -> str:
     """Return the AUC of each tracker at each severity; the last row is the mean of all kinds."""
     trackers = list(stress.plain.summary)
-    rows = [['AUC under stress', *trackers]]
-    rows.append(['plain', *(number_text(_auc(stress, tracker), 'auc') for tracker in trackers)])
+    values = {'plain': [stress.plain.summary[tracker]['auc'] for tracker in trackers]}
     for kind, severity in stress.levels:
         place = 1 + list(stress.of_kind(kind)).index(severity)
-        rows.append([f'{kind} {severity:g}', *(
-            number_text(stress.auc(kind, tracker)[place], 'auc') for tracker in trackers)])
-    rows.append(['mean over kinds', *(
-        number_text(stress.means[tracker], 'auc') for tracker in trackers)])
-    return aligned(rows)
+        values[f'{kind} {severity:g}'] = [stress.auc(kind, one)[place] for one in trackers]
+    values['mean over kinds'] = [stress.means[tracker] for tracker in trackers]
+    return aligned([['AUC under stress', *trackers], *(
+        [name, *(number_text(value, 'auc') for value in row)] for name, row in values.items())])
 
 
 def influence_table(stress: StressResults) -> str:
@@ -50,8 +49,9 @@ def stress_json(stress: StressResults) -> dict[str, Any]:
         } for kind in stress.kinds},
         'changed': {tracker: _influence_json(stress, None, tracker) for tracker in trackers
                     if tracker != REFERENCE},
+        # where no frame is changed, the sequences have their plain names
         'sequences': {
-            _name_under(kind, severity, name): {
+            f'{name} ({kind} {severity:g})' if STRESS_KINDS[kind].plan is None else name: {
                 tracker: _finite(scores['auc']) for tracker, scores in row.items()}
             for (kind, severity), level in stress.levels.items()
             for name, row in level.by_sequence.items()},
@@ -73,18 +73,8 @@ def influence_rows(stress: StressResults) -> list[list[str]]:
 
 
 def _influence_json(stress: StressResults, kind: str | None, tracker: str) -> dict[str, Any]:
-    found = stress.influence(kind, tracker)
-    return {'share': _finite(found.share), 'distance': _finite(found.distance),
-            'gain': _finite(found.gain)}
-
-
-def _name_under(kind: str, severity: float, name: str) -> str:
-    """Return a sequence's name under stress; `name` is plain where no frame is changed."""
-    return f'{name} ({kind} {severity:g})' if STRESS_KINDS[kind].plan is None else name
-
-
-def _auc(stress: StressResults, tracker: str) -> float:
-    return stress.plain.summary[tracker]['auc']
+    found = asdict(stress.influence(kind, tracker))
+    return {name: _finite(value) for name, value in found.items()}
 
 
 def _finite(value: float) -> float | None:

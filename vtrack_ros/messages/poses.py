@@ -50,12 +50,8 @@ def pose_with_covariance(types: Types, position: Sequence[float] | Array,
     ROS. No tracker estimates the uncertainty of the rotation: its variances are those of a uniform
     angle.
     """
-    full = np.zeros((6, 6))
-    if covariance is not None and np.isfinite(covariance).all():
-        full[:3, :3] = covariance
-        full[3:, 3:] = np.diag([UNKNOWN_ANGLE] * 3)
     return types['geometry_msgs/msg/PoseWithCovariance'](
-        pose=pose(types, position, angle), covariance=full.ravel())
+        pose=pose(types, position, angle), covariance=_completed(covariance, UNKNOWN_ANGLE))
 
 
 def twist_with_covariance(types: Types, velocity: Array, covariance: Array) -> Any:
@@ -65,16 +61,12 @@ def twist_with_covariance(types: Types, velocity: Array, covariance: Array) -> A
     `covariance` (3, 3) is the velocity's; if it's NaN, unknown, all are 0. No tracker measures the
     angular velocity: it's 0, with a large variance.
     """
-    full = np.zeros((6, 6))
-    if np.isfinite(covariance).all():
-        full[:3, :3] = covariance
-        full[3:, 3:] = np.diag([UNKNOWN_RATE] * 3)
     vector = types['geometry_msgs/msg/Vector3']
     x, y, z = (float(value) for value in velocity)
     return types['geometry_msgs/msg/TwistWithCovariance'](
         twist=types['geometry_msgs/msg/Twist'](
             linear=vector(x=x, y=y, z=z), angular=vector(x=0.0, y=0.0, z=0.0)),
-        covariance=full.ravel())
+        covariance=_completed(covariance, UNKNOWN_RATE))
 
 
 def particle_poses(types: Types, header: Any, particles: Array | None) -> Any:
@@ -84,3 +76,12 @@ def particle_poses(types: Types, header: Any, particles: Array | None) -> Any:
     kind = types['geometry_msgs/msg/Pose']
     return types['geometry_msgs/msg/PoseArray'](header=header, poses=[
         kind(position=point(x=x, y=y, z=0.0), orientation=still) for x, y in places])
+
+
+def _completed(covariance: Array | None, angular: float) -> Array:
+    """Return a covariance (3, 3) with angular variances, shape (36,); all 0 if it's unknown."""
+    full = np.zeros((6, 6))
+    if covariance is not None and np.isfinite(covariance).all():
+        full[:3, :3] = covariance
+        full[3:, 3:] = np.diag([angular] * 3)
+    return full.ravel()
