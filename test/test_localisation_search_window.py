@@ -9,11 +9,11 @@ from drawn_video import COLOURS, texture
 import numpy as np
 import pytest
 
-from vtrack_ros.localisation.search_window import WindowLayout
+from vtrack_ros.localisation.search_window import SAMPLES, WindowLayout
 
 # a window has as many pixels as samples: nothing is resampled
 LAYOUT = WindowLayout.around(40, 40)
-SIDE = LAYOUT.columns * LAYOUT.SAMPLES
+SIDE = LAYOUT.columns * SAMPLES
 SIZE = (SIDE / LAYOUT.reach[0], SIDE / LAYOUT.reach[1])
 HERE = (200.0, 160.0)
 AROUND = [(right, down) for right in (-1, 0, 1) for down in (-1, 0, 1)]

@@ -17,10 +17,8 @@ from vtrack_ros.frame import Frame, Point
 #: Step from one window to another: (right, down) in halves of a window; -1, 0 or 1 each.
 Step = tuple[int, int]
 
-#: Side of a cell, in samples.
-_CELL = 3
-#: Side of a cell in pixels of the colour model.
-_DETAIL = 2
+#: Side of a cell, in samples, and in pixels of the colour model.
+SAMPLES, DETAIL = 3, 2
 #: Approximate number of cells in a window: in a coarse one, and in a fine one.
 COARSE, FINE = 22 * 22, 28 * 28
 #: Surroundings in the window, added to both sides of the target, as a share of its mean side.
@@ -75,15 +73,15 @@ class SearchWindow(Grid):
 
     def sample_at(self, shift: Point) -> Point:
         """Return the place in `grey` of a shift in cells from the window's centre."""
-        return (_CELL * (self.layout.columns / 2 + shift[0]),
-                _CELL * (self.layout.rows / 2 + shift[1]))
+        return (SAMPLES * (self.layout.columns / 2 + shift[0]),
+                SAMPLES * (self.layout.rows / 2 + shift[1]))
 
     def rectangle(self, shift: Point) -> Rectangle:
         """Return (top, bottom, left, right) in `colours` of a target with a shift in cells."""
         width, height = self.layout.target
-        x = _DETAIL * (self.layout.columns / 2 + shift[0])
-        y = _DETAIL * (self.layout.rows / 2 + shift[1])
-        half_width, half_height = _DETAIL / 2 * width, _DETAIL / 2 * height
+        x = DETAIL * (self.layout.columns / 2 + shift[0])
+        y = DETAIL * (self.layout.rows / 2 + shift[1])
+        half_width, half_height = DETAIL / 2 * width, DETAIL / 2 * height
         return (round(y - half_height), round(y + half_height),
                 round(x - half_width), round(x + half_width))
 
@@ -99,9 +97,6 @@ class WindowLayout:
     rows: int
     columns: int
     reach: Point
-
-    #: Samples, and pixels of the colour model, along a side of a cell.
-    SAMPLES, DETAIL = _CELL, _DETAIL
 
     @classmethod
     def around(cls, width: float, height: float, cells: int = COARSE) -> WindowLayout:
@@ -145,7 +140,7 @@ class WindowLayout:
             samples, bins, cells = (
                 (..., slice(density * top, density * (top + rows)),
                  slice(density * left, density * (left + columns)))
-                for density in (_CELL, _DETAIL, 1))
+                for density in (SAMPLES, DETAIL, 1))
             windows.append(self._window(
                 halves.at((right, down)), side, angle, grey[samples], colours[bins],
                 features[cells]))
@@ -168,11 +163,11 @@ class WindowLayout:
 def _described(frame: Frame, whole: PixelWindow, rows: int,
                columns: int) -> tuple[Frame, Colours, Features]:
     """Return a window's grey image, colour bins and features; rows and columns are cells."""
-    pixels = whole.sampled(frame, rows * _CELL, columns * _CELL)
+    pixels = whole.sampled(frame, rows * SAMPLES, columns * SAMPLES)
     grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY) if pixels.ndim == 3 else pixels
-    small = cv2.resize(pixels, (columns * _DETAIL, rows * _DETAIL))
+    small = cv2.resize(pixels, (columns * DETAIL, rows * DETAIL))
     cells = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_AREA)
-    return grey, colour_index(small), describe(grey, cells, _CELL)
+    return grey, colour_index(small), describe(grey, cells, SAMPLES)
 
 
 def inside(place: Point, frame: Frame) -> Point:

@@ -15,7 +15,8 @@ from vtrack_ros.appearance.regression import CorrelationFilter, ScaleRegression
 from vtrack_ros.frame import Frame, Point
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import latest_weight
-from vtrack_ros.localisation.search_window import SearchWindow, Step, WindowLayout
+from vtrack_ros.localisation.search_window import (
+    DETAIL, SAMPLES, SearchWindow, Step, WindowLayout)
 
 #: Standard deviation of the desired response, as a share of the target's mean side.
 _LABEL_WIDTH = 1 / 16
@@ -69,7 +70,7 @@ class TargetModel:
             layout.rows, layout.columns, _LABEL_WIDTH * float(np.sqrt(width * height)))
         if confined:
             correlation = ConstrainedFilter.within(width, height, correlation)
-        scale = ScaleRegression.create(layout.SAMPLES * width, layout.SAMPLES * height)
+        scale = ScaleRegression.create(SAMPLES * width, SAMPLES * height)
         return cls(
             layout, correlation.updated(window.spectrum, 1.0, shift),
             ColourModel.create().updated(window.colours, window.rectangle(shift), 1.0),
@@ -83,13 +84,12 @@ class TargetModel:
         the target's box.
         """
         width, height = self.layout.target
-        detail = self.layout.DETAIL
         probability = self.colours.probability(window.colours)
         colour = box_mean(
-            probability, (max(1, round(detail * width)), max(1, round(detail * height))))
+            probability, (max(1, round(DETAIL * width)), max(1, round(DETAIL * height))))
         response = self.correlation.response(window.spectrum)
         response *= np.float32(1 - _COLOUR_WEIGHT)
-        response += np.float32(_COLOUR_WEIGHT) * colour[::detail, ::detail]
+        response += np.float32(_COLOUR_WEIGHT) * colour[::DETAIL, ::DETAIL]
         return response
 
     def localise(self, frame: Frame, center: Point, size: Point,

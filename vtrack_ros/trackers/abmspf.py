@@ -102,10 +102,6 @@ class MeanShiftParticleFilter(LocalisedTracker):
         reach = float(self._parameters['region']) * np.array(self._localiser.size) / 2
         return np.array(center) + reach * uniform
 
-    def _boxes(self, points: Array) -> Array:
-        box = self._localiser.box
-        return np.concatenate([points, np.full(points.shape, (box.width, box.height))], 1)
-
 
 def _spread(response: ResponseMap, center: Point) -> Array:
     """Return the covariance of the place under the response taken as a likelihood, [px^2]."""

@@ -1,7 +1,9 @@
 """Base class of the trackers whose localiser is selected by the parameter `localiser`."""
 
+import numpy as np
+
 from vtrack_ros.appearance.siamese_network import SiameseNetwork
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.localisation import GuidedSearch, Hypotheses
 from vtrack_ros.parameters import Value
@@ -42,3 +44,8 @@ class LocalisedTracker(Tracker):
         if self._localiser.network is not self._network:
             self._localiser.use(self._network)
         self._localiser.require(float(self._parameters['confidence_threshold']))
+
+    def _boxes(self, centers: Array) -> Array:
+        """Return boxes of the target's size, shape (N, 4), about centres, shape (N, 2)."""
+        box = self._localiser.box
+        return np.concatenate([centers, np.full(centers.shape, (box.width, box.height))], 1)

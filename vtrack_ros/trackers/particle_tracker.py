@@ -86,7 +86,7 @@ class ParticleTracker(LocalisedTracker):
         center, error = self._measured(found)
         proposed = self._filter.propose(center, dt, error)
         _bound(proposed.states, frame, dt)
-        boxes = self._boxes(proposed.states)
+        boxes = self._boxes(proposed.states[:, :2])
         responses = response.sample(proposed.states[:, :2])
         likelihood = responses * (
             1 / (float(self._parameters['temperature']) * localiser.usual_response))
@@ -130,7 +130,7 @@ class ParticleTracker(LocalisedTracker):
         self._filter.start(
             np.array([*self._localiser.center, 0.0, 0.0]), np.diag((_START * side)**2))
         return self._localiser.estimate(
-            np.zeros((4, 4)), self._boxes(self._filter.belief.states))
+            np.zeros((4, 4)), self._boxes(self._filter.belief.states[:, :2]))
 
     def _correct(self, mean: Array) -> None:
         """Let the next forecast start at the target's place; shift particles far from it there."""
@@ -144,14 +144,6 @@ class ParticleTracker(LocalisedTracker):
             latest = estimates[-1].copy()
             latest[:2] = center
             self._filter.correct_estimate(latest)
-
-    def _boxes(self, states: Array) -> Array:
-        """Return the states' boxes, shape (N, 4)."""
-        boxes = np.empty((len(states), 4))
-        boxes[:, :2] = states[:, :2]
-        box = self._localiser.box
-        boxes[:, 2:] = box.width, box.height
-        return boxes
 
 
 def _bound(states: Array, frame: Frame, dt: float) -> None:
