@@ -66,8 +66,7 @@ class AnnotatedFrame:
         square = np.array([[-.5, -.5, 1], [.5, -.5, 1], [.5, .5, 1], [-.5, .5, 1]])
         self._lines((square @ affine.T)[:, :2], colour, 2, closed=True)
 
-    def ellipse(self, box: Box, covariance: Array,
-                colour: tuple[int, int, int]) -> None:
+    def ellipse(self, box: Box, covariance: Array, colour: tuple[int, int, int]) -> None:
         """Draw the 90 % confidence ellipse of the centre; covariance of shape (>= 2, >= 2)."""
         values, vectors = np.linalg.eigh(covariance[:2, :2])
         axes = vectors * (_RADIUS * np.sqrt(np.maximum(values, 0)))

@@ -101,8 +101,7 @@ class Tracker(ABC):
     SUMMARY: ClassVar[str]
     PARAMETERS: ClassVar[ParameterTable]
 
-    def __init__(
-            self, seed: int | np.random.Generator | None = None, **parameters: Any) -> None:
+    def __init__(self, seed: int | np.random.Generator | None = None, **parameters: Any) -> None:
         self._parameters: dict[str, Value] = self.PARAMETERS.defaults()
         self._rng = np.random.default_rng(seed)
         self._frame_shape: tuple[int, ...] | None = None

@@ -62,8 +62,7 @@ def describe(grey: Frame, cells: Frame, cell: int) -> Features:
     return features
 
 
-def oriented_gradients(
-        grey: Frame, cell: int = 4, out: Features | None = None) -> Features:
+def oriented_gradients(grey: Frame, cell: int = 4, out: Features | None = None) -> Features:
     """
     Return contrast-normalised histograms of gradient orientation, shape (18, rows, columns).
 

@@ -13,8 +13,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.appearance.features import (
-    Features, GRADIENT_CHANNELS, oriented_gradients)
+from vtrack_ros.appearance.features import Features, GRADIENT_CHANNELS, oriented_gradients
 from vtrack_ros.appearance.sampling import sample_grids
 from vtrack_ros.frame import Array, Frame, Point
 
@@ -166,8 +165,7 @@ class ScaleRegression:
         excess = float((self._features(grey, center, _AS_IT_IS)[0] - mean) @ weights)
         return float(np.exp(min(max(-excess, _EXAMPLES[0]), _EXAMPLES[-1])))
 
-    def updated(self, grey: Frame, center: Point, growth: float,
-                rate: float) -> ScaleRegression:
+    def updated(self, grey: Frame, center: Point, growth: float, rate: float) -> ScaleRegression:
         """Return the regression after an example of a target that has grown by a factor."""
         examples = self._features(grey, center, _EXAMPLES + np.log(growth))
         fresh = ScaleRegression(self.axes, examples)
@@ -188,8 +186,7 @@ class ScaleRegression:
         dual = np.linalg.solve(products + ridge * np.eye(len(products)), _EXAMPLES)
         return mean, dual.astype(np.float32) @ differences
 
-    def _features(self, grey: Frame, center: Point,
-                  scales: Array) -> NDArray[np.float32]:
+    def _features(self, grey: Frame, center: Point, scales: Array) -> NDArray[np.float32]:
         """Return the gradient features, shape (scales, features), at log scales."""
         factors = np.exp(scales).astype(np.float32)[:, None]
         # samples count from the centre of a pixel, boxes from its outer corner
@@ -237,8 +234,7 @@ def transformed_maps(maps: NDArray[np.float32], tapered: bool = False) -> Spectr
 
 def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
     """Return the maps, shape (channels, rows, columns), of a spectrum."""
-    over_rows, over_columns = inverse_matrices(
-        spectrum.shape[1], 2 * (spectrum.shape[2] - 1))
+    over_rows, over_columns = inverse_matrices(spectrum.shape[1], 2 * (spectrum.shape[2] - 1))
     maps: NDArray[np.float32] = (over_rows @ spectrum).view(np.float32) @ over_columns
     return maps
 

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 
 from vtrack_ros.bags.errors import BagError
-from vtrack_ros.bags.image_folder import (
-    GROUND_TRUTH, image_files, read_ground_truth, read_image)
+from vtrack_ros.bags.image_folder import GROUND_TRUTH, image_files, read_ground_truth, read_image
 from vtrack_ros.bags.topics import checked_topic
 from vtrack_ros.bags.truth import TRUTH_TOPIC
 from vtrack_ros.bags.writer import BagWriter

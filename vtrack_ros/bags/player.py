@@ -237,8 +237,7 @@ class Player:
         known = self._bag.topics
         for name in names:
             if name not in known:
-                raise BagError(f'{self._bag.path} has no topic {name}; it has ' +
-                               ', '.join(known))
+                raise BagError(f'{self._bag.path} has no topic {name}; it has ' + ', '.join(known))
 
     def _check_names(self) -> None:
         """Raise BagError if a name isn't valid in ROS, or would carry two message types."""

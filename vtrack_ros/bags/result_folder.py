@@ -83,8 +83,7 @@ class ResultFolder:
         else:
             found = messages.detections(
                 estimate.box, image.stamp, image.frame_id, estimate.angle, estimate.confidence)
-            pose = messages.pose(
-                *estimate.box.center, estimate.angle, image.stamp, image.frame_id)
+            pose = messages.pose(*estimate.box.center, estimate.angle, image.stamp, image.frame_id)
             self._bag.write(_POSE, pose, image.received)
         if step.motion is not None:
             twist = messages.twist(step.motion, image.stamp, image.frame_id)

@@ -38,8 +38,7 @@ class BagWriter:
     CompressedImage. BagError if the path exists, or can't be written.
     """
 
-    def __init__(
-            self, path: str | Path, storage: str = 'mcap', compression: str = 'none') -> None:
+    def __init__(self, path: str | Path, storage: str = 'mcap', compression: str = 'none') -> None:
         self._path = Path(path)
         if storage not in STORAGES:
             raise BagError(f'unknown storage {storage!r}; valid are ' + ', '.join(STORAGES))

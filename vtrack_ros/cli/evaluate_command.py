@@ -144,8 +144,7 @@ def _workers(arguments: argparse.Namespace) -> Iterator[None]:
 
 def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:
     if arguments.sequences is None and not arguments.bags and not arguments.scenes:
-        raise ValueError(
-            'no sequences given: use --sequences DIR, --bags PATH or --scenes NAME')
+        raise ValueError('no sequences given: use --sequences DIR, --bags PATH or --scenes NAME')
     found: list[Sequence] = []
     broken: dict[str, str] = {}
     if arguments.sequences is not None:

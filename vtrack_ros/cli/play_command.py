@@ -84,8 +84,7 @@ def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None
         name = player.published_name(topic.name)
         print(f'{name}: {topic.count} {topic.message_type}', file=stream)
     print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
-    if arguments.wait and not (
-            player.wait_for_subscribers(arguments.wait) or player.stop.made()):
+    if arguments.wait and not (player.wait_for_subscribers(arguments.wait) or player.stop.made()):
         print(f'no node has subscribed within {arguments.wait:g} s: playing anyway',
               file=stream, flush=True)
     played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock), arguments.wait)

@@ -80,14 +80,12 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
         if arguments.init is None and not any(truth.values()):
             raise ValueError(f'{arguments.bag} has no ground-truth box: '
                              'give the target with --init X,Y,WIDTH,HEIGHT')
-        steps = replay(bag.frames(topic.name, malformed), session, truth, arguments.init,
-                       late)
+        steps = replay(bag.frames(topic.name, malformed), session, truth, arguments.init, late)
         results = film = None
         if arguments.out is not None:
             results = stack.enter_context(ResultFolder(arguments.out, arguments.bag))
             if not arguments.no_video:
-                film = stack.enter_context(
-                    Film(results.place, bag.rate(topic.name), topic.count))
+                film = stack.enter_context(Film(results.place, bag.rate(topic.name), topic.count))
         score = StreamScore(truth)
         for step in with_progress(steps, topic.count):
             score.add_step(step)
@@ -112,8 +110,7 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
 
 
 def _state(estimate: Estimate | None) -> str:
-    return (WAITING if estimate is None
-            else f'{estimate.state.value} {estimate.confidence:.2f}')
+    return WAITING if estimate is None else f'{estimate.state.value} {estimate.confidence:.2f}'
 
 
 def _assignment(text: str, tracker: str) -> tuple[str, str]:

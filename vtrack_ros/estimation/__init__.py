@@ -31,8 +31,7 @@ from vtrack_ros.estimation.kalman import (
 from vtrack_ros.estimation.model import (
     ConstantVelocity, GaussianNoise, LinearModel, StateSpaceModel)
 from vtrack_ros.estimation.particle_filter import ParticleFilter
-from vtrack_ros.estimation.particles import (
-    at_least, Belief, spread_about, systematic, Weights)
+from vtrack_ros.estimation.particles import at_least, Belief, spread_about, systematic, Weights
 from vtrack_ros.estimation.proposals import (
     GaussianFilterProposal, PriorProposal, Proposal, Proposed)
 from vtrack_ros.estimation.sigma_point_filter import SigmaPointFilter

@@ -197,8 +197,7 @@ def innovate(cross: Array, innovation_covariance: Array, residual: Array) -> tup
         gain = cross @ inverse
         distance = np.einsum('ni,nij,nj->n', residual, inverse, residual)
         log_determinant = np.linalg.slogdet(innovation_covariance)[1]
-    log_density: Array = -0.5 * (
-        distance + log_determinant + dimension * math.log(2 * math.pi))
+    log_density: Array = -0.5 * (distance + log_determinant + dimension * math.log(2 * math.pi))
     return gain, log_density
 
 

@@ -155,8 +155,7 @@ class ParticleFilter:
         if measurement is not None:
             measurement = checked_array(
                 'measurement', measurement, (self.model.measurement_dimension,))
-        return self.proposal.propose(
-            self.model, self.belief, dt, self._rng, measurement, error)
+        return self.proposal.propose(self.model, self.belief, dt, self._rng, measurement, error)
 
     def weight(self, proposed: Proposed, log_likelihood: Array | None, dt: float = 1.0) -> Belief:
         """

@@ -61,8 +61,7 @@ def unscented(
     weights[0] = 1.0 - n / scale
     covariance_weights = weights.copy()
     covariance_weights[0] += 1.0 - alpha ** 2 + beta
-    return SigmaPointRule(
-        np.vstack([np.zeros(n), radius, -radius]), weights, covariance_weights)
+    return SigmaPointRule(np.vstack([np.zeros(n), radius, -radius]), weights, covariance_weights)
 
 
 def cubature(dimension: int) -> SigmaPointRule:

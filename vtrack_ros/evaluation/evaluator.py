@@ -105,8 +105,7 @@ def evaluate(
     return results
 
 
-def _outcomes(
-        tasks: Ordered[Task], jobs: int | None) -> Iterator[tuple[Task, list[Run] | str]]:
+def _outcomes(tasks: Ordered[Task], jobs: int | None) -> Iterator[tuple[Task, list[Run] | str]]:
     from joblib import delayed, Parallel
 
     # Long sequences first, so that none is left to a single process at the end; those of one video

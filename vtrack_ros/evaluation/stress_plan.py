@@ -87,8 +87,7 @@ def moved(footage: Footage, offsets: Array) -> StressPlan:
     """Move each frame and its truth by offsets, rounded to whole pixels."""
     pixels = np.rint(offsets).astype(int)
     truth = footage.truth + np.pad(pixels, ((0, 0), (0, 2)))
-    return edited(
-        footage, lambda index, frame, rng: shifted(frame, pixels[index].tolist()), truth)
+    return edited(footage, lambda index, frame, rng: shifted(frame, pixels[index].tolist()), truth)
 
 
 def room(footage: Footage) -> tuple[Array, Array]:

@@ -84,8 +84,7 @@ class StressResults:
                 other = reference.get(seed) or next(iter(reference.values()), None)
                 if other is not None:
                     sides = other.boxes[1:, 2:].mean(axis=1)
-                    distances.append(
-                        metrics.center_errors(run.boxes, other.boxes)[1:] / sides)
+                    distances.append(metrics.center_errors(run.boxes, other.boxes)[1:] / sides)
                     gains.append((metrics.overlaps(run.boxes, truth)
                                   - metrics.overlaps(other.boxes, truth))[1:])
         apart = np.concatenate(distances) if distances else np.empty(0)

@@ -83,8 +83,7 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
     return specifications(dict.fromkeys(pieces))
 
 
-def specifications(
-        trackers: Iterable[str | TrackerSpecification]) -> list[TrackerSpecification]:
+def specifications(trackers: Iterable[str | TrackerSpecification]) -> list[TrackerSpecification]:
     """Return each tracker as a specification, parsing those that are text."""
     return [parse_tracker(one) if isinstance(one, str) else one for one in trackers]
 

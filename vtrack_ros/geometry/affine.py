@@ -103,8 +103,7 @@ def group_mean(transformations: Array, weights: Array) -> Array:
 def angle(transformation: Array) -> Array:
     """Return the angle, [rad], of the rotation nearest to each linear part; shape (...)."""
     linear = transformation[..., :2, :2]
-    return np.arctan2(linear[..., 1, 0] - linear[..., 0, 1],
-                      linear[..., 0, 0] + linear[..., 1, 1])
+    return np.arctan2(linear[..., 1, 0] - linear[..., 0, 1], linear[..., 0, 0] + linear[..., 1, 1])
 
 
 def scale(transformation: Array) -> Array:
@@ -160,8 +159,7 @@ def from_vector(vector: Array) -> Array:
     return result
 
 
-def transformation(center: tuple[float, float], size: tuple[float, float],
-                   turn: float) -> Array:
+def transformation(center: tuple[float, float], size: tuple[float, float], turn: float) -> Array:
     """Return the map of the unit square about the origin onto a turned rectangle, (3, 3)."""
     result = np.eye(3)
     result[:2, :2] = rotation(np.asarray(turn)) * size

@@ -40,8 +40,7 @@ class Box:
                 raise ValueError(
                     f'box {name} must be finite, but is larger than any float') from None
             except (TypeError, ValueError):
-                raise TypeError(
-                    f'box {name} must be a number of pixels, not {value!r}') from None
+                raise TypeError(f'box {name} must be a number of pixels, not {value!r}') from None
             if not math.isfinite(number):
                 raise ValueError(f'box {name} must be finite, not {number}')
             if number is not value:

@@ -110,8 +110,7 @@ class Distractors:
                   if index not in taken and math.dist(place, target) > _AWAY * side]
         self._known = known[:_MOST]
 
-    def compare(self, target: Point, side: float,
-                likeness: Callable[[Point], float]) -> None:
+    def compare(self, target: Point, side: float, likeness: Callable[[Point], float]) -> None:
         """
         Compare one of them with the target: of those that are due the nearest to it, in pixels.
 

@@ -213,8 +213,7 @@ class GuidedSearch:
         if step is None:
             return {}
         there = _moved(self._start, step)
-        return {f'with {name}': there,
-                f'beside {name}': _moved(there, self._own_velocity, dt)}
+        return {f'with {name}': there, f'beside {name}': _moved(there, self._own_velocity, dt)}
 
     def _wider(self, frame: Frame, expected: Point) -> list[ResponseMap]:
         """Return the responses in more windows: at the other forecasts, and eight around."""

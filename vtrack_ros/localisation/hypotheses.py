@@ -242,8 +242,7 @@ class Hypotheses:
 
     def _questionable(self) -> bool:
         """Tell whether the two disagree, or the leader's similarity is low, or they're new."""
-        return (self._frames <= _FIRST or self._apart > 0
-                or self._leader.similarity < ALWAYS_GOOD)
+        return self._frames <= _FIRST or self._apart > 0 or self._leader.similarity < ALWAYS_GOOD
 
     def _update_other(self, frame: Frame) -> None:
         """Update the other model at its own maximum; its window moves with a leader nearby."""

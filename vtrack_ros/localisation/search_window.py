@@ -112,8 +112,7 @@ class WindowLayout:
         """Return the target's (width, height) in cells."""
         return self.columns / self.reach[0], self.rows / self.reach[1]
 
-    def window(self, frame: Frame, center: Point, size: Point,
-               angle: float = 0.0) -> SearchWindow:
+    def window(self, frame: Frame, center: Point, size: Point, angle: float = 0.0) -> SearchWindow:
         """
         Sample the window about a target of that centre and size, to the nearest pixel.
 

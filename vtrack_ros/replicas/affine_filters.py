@@ -64,8 +64,7 @@ class AffineParticleTracker(Tracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         side, count = float(np.sqrt(box.area)), int(self._parameters['particles'])
         self._size = box.width / side, box.height / side
-        self._state = np.array(
-            [[side, 0, box.center[0]], [0, side, box.center[1]], [0, 0, 1.0]])
+        self._state = np.array([[side, 0, box.center[0]], [0, side, box.center[1]], [0, 0, 1.0]])
         self._particles = self._particle_type(
             self._state, count, np.array(frame.shape[1::-1]), self._rng)
         self._likelihood = AffineLikelihood(
@@ -114,8 +113,7 @@ class AffineParticleTracker(Tracker):
         similarity *= 0.0 if visible is None else visible.area / box.area
         confidence = logistic((similarity - _EVEN) / _WIDTH)
         self._unlike_frames = self._unlike_frames + dt if similarity < _UNLIKE else 0.0
-        covariance += unknown_covariance(
-            _CENTER_ERROR, _SIZE_ERROR, box.area, self._unlike_frames)
+        covariance += unknown_covariance(_CENTER_ERROR, _SIZE_ERROR, box.area, self._unlike_frames)
         return Estimate(
             box=box, angle=float(affine.angle(self._state)), covariance=covariance,
             confidence=confidence, state=state_after(self._unlike_frames), particles=boxes,

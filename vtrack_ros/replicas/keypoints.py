@@ -88,8 +88,7 @@ def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
     if not len(known) or len(seen) < 2:
         none = np.zeros(0, np.intp)
         return none, none
-    squares = (np.square(known).sum(1)[:, None] + np.square(seen).sum(1)
-               - 2 * known @ seen.T)
+    squares = np.square(known).sum(1)[:, None] + np.square(seen).sum(1) - 2 * known @ seen.T
     order = np.argpartition(squares, 1, axis=1)[:, :2]
     best, second = np.take_along_axis(squares, order, 1).T
     swapped = best > second
@@ -143,8 +142,7 @@ def pose_change(before: Array, after: Array, tolerance: float, rng: np.random.Ge
     return PoseChange(matrix, before[inliers], after[inliers], weights[inliers])
 
 
-def similarity(before: Array, after: Array,
-               weights: Array | None = None) -> Array:
+def similarity(before: Array, after: Array, weights: Array | None = None) -> Array:
     """
     Return the least squares rotation, scale and translation between matched points, weighted.
 

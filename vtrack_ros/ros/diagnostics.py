@@ -123,8 +123,7 @@ def state_status(name: str, tracker: str, state_name: str, estimate: Estimate | 
             # No warning where the node is paused or inactive: somebody asked for it.
             level = _LEVELS[estimate.state]
         box = estimate.box
-        rows['box'] = ('stale' if stale else
-                       'measured' if estimate.measured else 'predicted')
+        rows['box'] = 'stale' if stale else 'measured' if estimate.measured else 'predicted'
         rows['confidence'] = f'{estimate.confidence:.3f}'
         rows['x'], rows['y'] = f'{box.x:.2f} px', f'{box.y:.2f} px'
         rows['width'], rows['height'] = f'{box.width:.2f} px', f'{box.height:.2f} px'

@@ -69,8 +69,7 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
         try:
             return self._change(request, response)
         except RuntimeError:
-            valid = ', '.join(
-                label for _, label, *_ in self._state_machine.available_transitions)
+            valid = ', '.join(label for _, label, *_ in self._state_machine.available_transitions)
             self._log.error(
                 f'~/change_state refused: transition {request.transition.id} is not possible '
                 f'while {self._state_machine.current_state[1]}; '

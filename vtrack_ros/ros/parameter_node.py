@@ -189,8 +189,7 @@ class ParameterNode(Node):
         """Set parameters one by one."""
         return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
 
-    def set_parameters_atomically(
-            self, parameter_list: list[RosParameter]) -> SetParametersResult:
+    def set_parameters_atomically(self, parameter_list: list[RosParameter]) -> SetParametersResult:
         """Set all of the parameters, or none."""
         try:
             for parameter in parameter_list:
@@ -214,8 +213,7 @@ class ParameterNode(Node):
             checked_init_box(value)
         elif row is None:
             if not self.has_parameter(name):
-                raise ValueError(
-                    f'unknown parameter {name!r}; valid are {self._neighbours(name)}')
+                raise ValueError(f'unknown parameter {name!r}; valid are {self._neighbours(name)}')
         elif not row.dynamic:
             raise ValueError(f'{name} is read-only: it is fixed when the node starts')
         elif row.kind is float and type(value) is int:

@@ -55,8 +55,7 @@ class Publishers:
         if with_vision:
             self._detections = self._publisher(
                 types['vision_msgs/msg/Detection2DArray'], 'detections')
-            self._bounds = self._publisher(
-                types['vision_msgs/msg/BoundingBox2D'], 'bounding_box')
+            self._bounds = self._publisher(types['vision_msgs/msg/BoundingBox2D'], 'bounding_box')
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -92,16 +91,14 @@ class Publishers:
                     self._types['tf2_msgs/msg/TFMessage'], '/tf', QoSProfile(depth=100))
                 self._all.append(self._transforms)
 
-    def publish_transform(self, header: Any, position: Position, angle: float,
-                          child: str) -> None:
+    def publish_transform(self, header: Any, position: Position, angle: float, child: str) -> None:
         """Publish the transform from the image's frame to the target's, if it's offered."""
         if self._wanted(self._transforms):
             x, y, z = (float(value) for value in position.point)
             transform = TransformStamped(header=header, child_frame_id=child)
             transform.transform.translation = Vector3(x=x, y=y, z=z)
             transform.transform.rotation = poses.rotation(self._types, angle)
-            self._transforms.publish(
-                self._types['tf2_msgs/msg/TFMessage'](transforms=[transform]))
+            self._transforms.publish(self._types['tf2_msgs/msg/TFMessage'](transforms=[transform]))
 
     def publish_boxes(self, header: Any, estimate: Estimate | None,
                       identity: tuple[str, str]) -> None:
@@ -128,8 +125,7 @@ class Publishers:
     def publish_particles(self, header: Any, estimate: Estimate | None) -> None:
         """Publish the particles' centres."""
         if estimate is not None and self._wanted(self._particles):
-            self._particles.publish(
-                poses.particle_poses(self._types, header, estimate.particles))
+            self._particles.publish(poses.particle_poses(self._types, header, estimate.particles))
 
     def publish_debug_image(self, header: Any, frame: Frame, estimate: Estimate | None,
                             identity: tuple[str, str], state_name: str) -> None:

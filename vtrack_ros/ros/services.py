@@ -8,8 +8,7 @@ from geometry_msgs.msg import PointStamped
 from sensor_msgs.msg import RegionOfInterest
 from std_srvs.srv import SetBool, Trigger
 
-from vtrack_ros.messages.selections import (
-    best_detection, from_detection, from_point, from_roi)
+from vtrack_ros.messages.selections import best_detection, from_detection, from_point, from_roi
 from vtrack_ros.ros.message_types import MessageTypes
 from vtrack_ros.ros.parameter_node import ParameterNode
 from vtrack_ros.ros.qos import Input

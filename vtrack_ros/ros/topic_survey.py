@@ -118,8 +118,7 @@ class _Listener:
             f'{_name(reader)} receives nothing from {_name(offer)}: {reason}'
             for reader in readers for offer in offers
             if (reason := _mismatch(offer, reader))))
-        policy = (ReliabilityPolicy.RELIABLE if self._reliable else
-                  ReliabilityPolicy.BEST_EFFORT)
+        policy = ReliabilityPolicy.RELIABLE if self._reliable else ReliabilityPolicy.BEST_EFFORT
         callback: Any = self._on_image
         self._subscription = node.create_subscription(
             MessageTypes()[kind], topic, callback, QoSProfile(depth=_DEPTH, reliability=policy),

@@ -73,8 +73,7 @@ def foliage(shape: tuple[int, int], unit: float, rng: np.random.Generator, colou
     warmth = rng.normal(0, 0.12, count)
     for place, angle, length, gain, warm in zip(places, angles, lengths, gains, warmth):
         gain *= 1 + 0.3 * float(shade[int(place[1]), int(place[0])])
-        bgr = [max(0.0, min(255.0, c * gain * (1 + s * warm)))
-               for c, s in zip(colour, (-1, 0, 1))]
+        bgr = [max(0.0, min(255.0, c * gain * (1 + s * warm))) for c, s in zip(colour, (-1, 0, 1))]
         centre = (int(place[0] * 16), int(place[1] * 16))
         axes = (max(8, int(length * 16)), max(6, int(length * 6)))
         cv2.ellipse(picture, centre, axes, angle, 0, 360, bgr, -1, cv2.LINE_AA, 4)
@@ -137,8 +136,7 @@ class Canvas:
         noise = fractal_noise((1, self.shape[1]), cell * self.unit, rng)[0]
         return list(zip(self.columns()[0, ::4].tolist(), (level + rough * noise)[::4].tolist()))
 
-    def polygon(self, points: ArrayLike, paint: Colour | Picture,
-                opacity: float = 1.0) -> None:
+    def polygon(self, points: ArrayLike, paint: Colour | Picture, opacity: float = 1.0) -> None:
         """Paint a polygon."""
         part, mask, fixed = self._part(points, 0)
         cv2.fillPoly(mask, [fixed], 255, cv2.LINE_AA, _SHIFT)

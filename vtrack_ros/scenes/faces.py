@@ -170,8 +170,7 @@ def light_change(view: View, rng: np.random.Generator) -> Scene:
         flicker = 1 + 0.2 * math.sin(2.2 * time) * (104 < time < 122)
         return blue(time) * flicker, green(time) * flicker, red(time) * flicker
 
-    def lamp(time: float, at_x: Array,
-             at_y: Array) -> Array:
+    def lamp(time: float, at_x: Array, at_y: Array) -> Array:
         """Brighten what is near a lamp to the right, and darken the rest."""
         near = np.exp(-((at_x - 260) / 130) ** 2 - ((at_y - 90) / 150) ** 2)
         return np.asarray(1 + slant(time) * (0.95 * near - 0.5))

@@ -143,5 +143,4 @@ def walker(person: Person, ground: Ground, x: Motion, y: Motion, duration: float
         return at(steps, time), at(yaws, time), float(strides[nearest])
 
     dark = shadow(34, 9, 1.0)
-    return (Actor(place, lambda time: dark),
-            Actor(place, lambda time: person.sprite(*look(time))))
+    return (Actor(place, lambda time: dark), Actor(place, lambda time: person.sprite(*look(time))))

@@ -29,8 +29,7 @@ def office(view: View, rng: np.random.Generator, size: float = 1.0) -> Canvas:
     return canvas
 
 
-def door(canvas: Canvas, x: float, bottom: float, size: float,
-         rng: np.random.Generator) -> None:
+def door(canvas: Canvas, x: float, bottom: float, size: float, rng: np.random.Generator) -> None:
     """Paint a wooden door."""
     top = bottom - 92 * size
     height, width = canvas.shape
@@ -46,8 +45,7 @@ def door(canvas: Canvas, x: float, bottom: float, size: float,
     canvas.ellipse(x + 27.5 * size, top + 46 * size, 2.4 * size, 2.4 * size, (60, 150, 190))
 
 
-def shelf(canvas: Canvas, x: float, bottom: float, size: float,
-          rng: np.random.Generator) -> None:
+def shelf(canvas: Canvas, x: float, bottom: float, size: float, rng: np.random.Generator) -> None:
     """Paint a shelf full of books."""
     top, width = bottom - 84 * size, 38 * size
     canvas.rectangle(x - size, top - size, x + width + size, bottom, (62, 84, 112))
@@ -91,12 +89,10 @@ def posters(canvas: Canvas, x: float, bottom: float, size: float,
     canvas.rectangle(x + 3 * size, lower + size, x + 21 * size, lower + 14 * size, print_)
 
 
-def window(canvas: Canvas, x: float, bottom: float, size: float,
-           rng: np.random.Generator) -> None:
+def window(canvas: Canvas, x: float, bottom: float, size: float, rng: np.random.Generator) -> None:
     """Paint a window with blinds, bright."""
     top = bottom - 88 * size
-    sky = tinted(fractal_noise(canvas.shape, 18 * canvas.unit * size, rng),
-                 (235, 222, 208), 0.06)
+    sky = tinted(fractal_noise(canvas.shape, 18 * canvas.unit * size, rng), (235, 222, 208), 0.06)
     canvas.rectangle(x, top, x + 34 * size, top + 44 * size, (175, 182, 186))
     canvas.rectangle(x + 2 * size, top + 2 * size, x + 32 * size, top + 42 * size, sky)
     for slat in range(13):

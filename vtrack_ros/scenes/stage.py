@@ -92,8 +92,7 @@ class Light:
 
     colour: Callable[[float], tuple[float, float, float]] = field(
         default=lambda time: (1.0, 1.0, 1.0))
-    field: Callable[[float, Array, Array],
-                    Array] | None = None
+    field: Callable[[float, Array, Array], Array] | None = None
 
 
 @dataclass(frozen=True)

@@ -106,15 +106,13 @@ def _upright(x0: float, x1: float, y0: float, y1: float, z: float) -> list[_Poin
     return [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]
 
 
-def _across(profile: tuple[tuple[float, float], ...], level: Colour,
-            steep: Colour) -> list[_Face]:
+def _across(profile: tuple[tuple[float, float], ...], level: Colour, steep: Colour) -> list[_Face]:
     """Return the faces between the two sides of an outline, in the colours `level` or `steep`."""
     faces = []
     for (z0, y0), (z1, y1) in zip(profile, profile[1:]):
         wide0, wide1 = (0.66 if y > 1.2 else 0.855 for y in (y0, y1))
         corners = [(-wide0, y0, z0), (wide0, y0, z0), (wide1, y1, z1), (-wide1, y1, z1)]
-        faces.append(_face(corners, (0, z0 - z1, y1 - y0),
-                           level if abs(y1 - y0) < 0.1 else steep))
+        faces.append(_face(corners, (0, z0 - z1, y1 - y0), level if abs(y1 - y0) < 0.1 else steep))
     return faces
 
 

@@ -82,8 +82,7 @@ class Observer:
                 self._state = {}
                 self._changed()
             return
-        self._subscribe(
-            'answer', outputs, ('vision_msgs/msg/Detection2DArray',), self._on_answer)
+        self._subscribe('answer', outputs, ('vision_msgs/msg/Detection2DArray',), self._on_answer)
         if self.watched:
             self._subscribe(
                 'image', inputs, ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage'),

@@ -10,8 +10,7 @@ from typing import Any
 
 from geometry_msgs.msg import PointStamped
 from rcl_interfaces.msg import Parameter
-from rcl_interfaces.srv import (
-    DescribeParameters, GetParameters, ListParameters, SetParameters)
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -147,8 +146,7 @@ class TrackerLink:
             raise TimeoutError(f'there is no service {self.target}/{service}: is the node '
                                f'{self.target} running?')
         request = client.call_async(kind.Request(**fields))
-        request.add_done_callback(
-            lambda future: self._loop.call_soon_threadsafe(settle, future))
+        request.add_done_callback(lambda future: self._loop.call_soon_threadsafe(settle, future))
         try:
             return await asyncio.wait_for(answer, SERVICE_TIMEOUT)
         except TimeoutError:

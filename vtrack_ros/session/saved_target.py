@@ -83,8 +83,7 @@ class SavedTarget:
             raise ValueError(f'it does not begin with {MARK}')
         try:
             rows = json.loads(text)
-            node, tracker, frame_id = (
-                str(rows[name]) for name in ('node', 'tracker', 'frame_id'))
+            node, tracker, frame_id = (str(rows[name]) for name in ('node', 'tracker', 'frame_id'))
             class_id, target_id = map(str, rows['identity'])
             time, stamp, interval = (
                 _integer(rows[name]) for name in ('time', 'stamp', 'interval'))

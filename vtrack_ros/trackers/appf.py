@@ -66,8 +66,7 @@ class AffineParticleFilter(LocalisedTracker):
     def _start(self, frame: Frame, box: Box) -> Estimate:
         side = float(np.sqrt(box.area))
         self._size = box.width / side, box.height / side
-        self._state = np.array(
-            [[side, 0, box.center[0]], [0, side, box.center[1]], [0, 0, 1.0]])
+        self._state = np.array([[side, 0, box.center[0]], [0, side, box.center[1]], [0, 0, 1.0]])
         count = int(self._parameters['particles'])
         self._particles = GroupParticles(
             self._state, count, np.array(frame.shape[1::-1]), self._rng, _SCALES)
@@ -150,8 +149,7 @@ class AffineParticleFilter(LocalisedTracker):
         boxes = affine.ellipse_bounds(self._particles.states, self._size)
         # about the reported box, which isn't the particles' mean
         shown = self._localiser.box
-        spread = spread_about(
-            np.array([*shown.center, shown.width, shown.height]), boxes, weights)
+        spread = spread_about(np.array([*shown.center, shown.width, shown.height]), boxes, weights)
         return replace(
             self._localiser.estimate(spread, boxes), angle=float(affine.angle(self._state)),
             affine=self._state @ np.diag([*self._size, 1.0]))
