@@ -165,8 +165,7 @@ class Film:
             raise OSError(f'the picture {sheet.name} is incomplete')
 
     def add(self, frame: Frame, text: str, *, truth: Box | None = None,
-            estimate: Estimate | None = None,
-            particles: Array | None = None) -> None:
+            estimate: Estimate | None = None, particles: Array | None = None) -> None:
         """
         Append a frame, with its number, a text and all that is known of it drawn over it.
 

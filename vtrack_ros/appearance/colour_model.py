@@ -102,9 +102,8 @@ def _within(colours: Colours, rectangle: Rectangle) -> Colours:
     return colours[top:bottom, left:right]
 
 
-def _averaged(
-        mean: NDArray[np.float32], counts: NDArray[np.intp], total: int, rate: float,
-        ) -> NDArray[np.float32]:
+def _averaged(mean: NDArray[np.float32], counts: NDArray[np.intp], total: int,
+              rate: float) -> NDArray[np.float32]:
     """Return the moving average after one more histogram, the `counts` of `total` pixels."""
     averaged: NDArray[np.float32] = counts.astype(np.float32)
     averaged *= np.float32(rate / max(1, total))

@@ -77,9 +77,8 @@ def compressed_image(frame: Frame, stamp: int, frame_id: str, compression: str) 
         format=f'{encoding}; {compression} compressed {encoding}', data=data.ravel())
 
 
-def detections(
-        box: Box | None, stamp: int, frame_id: str, angle: float = 0.0,
-        score: float = 1.0) -> Any:
+def detections(box: Box | None, stamp: int, frame_id: str, angle: float = 0.0,
+               score: float = 1.0) -> Any:
     """Return a vision_msgs/msg/Detection2DArray; arguments as in `messages.detections`."""
     return builder.detections(typestore().types, header(stamp, frame_id), box, angle, score)
 

@@ -97,9 +97,8 @@ class BagWriter:
         with writing(self._path):
             self._writer.write(self._connections[topic], stamp, data)
 
-    def write_frame(
-            self, frame: Frame, stamp: int, topic: str = '/image',
-            frame_id: str = 'camera_optical_frame') -> None:
+    def write_frame(self, frame: Frame, stamp: int, topic: str = '/image',
+                    frame_id: str = 'camera_optical_frame') -> None:
         """Write a frame as an Image, or as a CompressedImage on ``<topic>/compressed``."""
         if self._compression == 'none':
             self.write(topic, messages.image(frame, stamp, frame_id), stamp)

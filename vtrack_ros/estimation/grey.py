@@ -134,11 +134,9 @@ class GreyProposal(Proposal):
 
     """
 
-    def __init__(
-            self, window: int = 5, floor: float = 1.0, margin: float | None = 10.0,
-            spread: str = 'forecast', prior_share: float = 0.0,
-            densities: bool = True, velocities: Mapping[int, int] | None = None,
-            steady: Sequence[int] = ()) -> None:
+    def __init__(self, window: int = 5, floor: float = 1.0, margin: float | None = 10.0,
+                 spread: str = 'forecast', prior_share: float = 0.0, densities: bool = True,
+                 velocities: Mapping[int, int] | None = None, steady: Sequence[int] = ()) -> None:
         self.window = checked_count('window', window, least=SHORTEST_SERIES)
         if spread not in SPREADS:
             raise ValueError(f'unknown spread {spread!r}; valid are ' + ', '.join(SPREADS))
@@ -156,10 +154,8 @@ class GreyProposal(Proposal):
         #: Cache: (belief, dt, forecast). A caller may ask for the forecast before proposing.
         self._made: tuple[Belief, float, Array | None] | None = None
 
-    def propose(
-            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: Array | None = None,
-            error: GaussianNoise | None = None) -> Proposed:
+    def propose(self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+                measurement: Array | None = None, error: GaussianNoise | None = None) -> Proposed:
         """Draw successors about g_k, and `prior_share` of them from the transition prior."""
         forecast = self.forecast(belief, dt)
         predicted = model.transition(belief.states, dt, belief.time)
@@ -217,9 +213,8 @@ class GreyProposal(Proposal):
             forecast[velocity] = (forecast[position] - latest[position]) / dt
         return np.array(forecast)
 
-    def _scatter(
-            self, model: StateSpaceModel, belief: Belief, forecast: Array,
-            predicted: Array, dt: float) -> GaussianNoise | None:
+    def _scatter(self, model: StateSpaceModel, belief: Belief, forecast: Array, predicted: Array,
+                 dt: float) -> GaussianNoise | None:
         """Return the noise about the centre; None where it isn't finite and positive definite."""
         if not math.isfinite(forecast.sum()):
             return None

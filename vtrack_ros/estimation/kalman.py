@@ -86,9 +86,8 @@ class GaussianFilter(ABC):
                 prior.mean[part], prior.covariance[part], dt, time)
         return Gaussian(mean, covariance)
 
-    def update(
-            self, prior: Gaussian, measurement: Array, time: float = 0.0,
-            error: GaussianNoise | None = None) -> Correction:
+    def update(self, prior: Gaussian, measurement: Array, time: float = 0.0,
+               error: GaussianNoise | None = None) -> Correction:
         """Return the beliefs after a measurement (m,) at `time`; `error` replaces R if given."""
         self._check(prior)
         if np.shape(measurement) != (self.model.measurement_dimension,):
@@ -103,15 +102,13 @@ class GaussianFilter(ABC):
         return Correction(Gaussian(mean, covariance), log_evidence)
 
     @abstractmethod
-    def _predict(
-            self, mean: Array, covariance: Array, dt: float, time: float,
-            ) -> tuple[Array, Array]:
+    def _predict(self, mean: Array, covariance: Array, dt: float,
+                 time: float) -> tuple[Array, Array]:
         """Return mean and covariance after the step, of one block."""
 
     @abstractmethod
-    def _update(
-            self, mean: Array, covariance: Array, measurement: Array, time: float,
-            error: GaussianNoise) -> tuple[Array, Array, Array]:
+    def _update(self, mean: Array, covariance: Array, measurement: Array, time: float,
+                error: GaussianNoise) -> tuple[Array, Array, Array]:
         """Return mean, covariance and log-evidence after the measurement, of one block."""
 
     def _floats_per_belief(self) -> int:
@@ -129,9 +126,8 @@ class GaussianFilter(ABC):
             raise ValueError(f'beliefs are of dimension {dimension}, '
                              f'the model of {self.model.state_dimension}')
 
-    def _propagate(
-            self, mean: Array, covariance: Array, matrix: Array, dt: float,
-            time: float) -> tuple[Array, Array]:
+    def _propagate(self, mean: Array, covariance: Array, matrix: Array, dt: float,
+                   time: float) -> tuple[Array, Array]:
         """Predict by a transition matrix, shape (n, n) or (N, n, n)."""
         predicted = matrix @ covariance @ matrix.swapaxes(-1, -2)
         predicted += self.model.process_noise(dt)
@@ -141,9 +137,8 @@ class GaussianFilter(ABC):
 class ExtendedKalmanFilter(GaussianFilter):
     """The extended Kalman filter: transition and measurement linearised at the mean."""
 
-    def _predict(
-            self, mean: Array, covariance: Array, dt: float, time: float,
-            ) -> tuple[Array, Array]:
+    def _predict(self, mean: Array, covariance: Array, dt: float,
+                 time: float) -> tuple[Array, Array]:
         matrix = self.model.transition_matrix(dt)
         if matrix is None:
             matrix = self.model.transition_jacobian(mean, dt, time)
@@ -152,9 +147,8 @@ class ExtendedKalmanFilter(GaussianFilter):
                 lambda states: self.model.transition(states, dt, time), mean)
         return self._propagate(mean, covariance, matrix, dt, time)
 
-    def _update(
-            self, mean: Array, covariance: Array, measurement: Array, time: float,
-            error: GaussianNoise) -> tuple[Array, Array, Array]:
+    def _update(self, mean: Array, covariance: Array, measurement: Array, time: float,
+                error: GaussianNoise) -> tuple[Array, Array, Array]:
         jacobian = self.model.measurement_jacobian(mean, time)
         if jacobian is None:
             jacobian = central_differences(
@@ -218,9 +212,8 @@ def covariance_factors(covariance: Array) -> Array:
         return upper.swapaxes(-1, -2)
 
 
-def central_differences(
-        function: Callable[[Array], Array], states: Array,
-        subtract: Callable[[Array, Array], Array] = np.subtract) -> Array:
+def central_differences(function: Callable[[Array], Array], states: Array,
+                        subtract: Callable[[Array, Array], Array] = np.subtract) -> Array:
     """Return the derivative of a function (N, n) -> (N, m) at each state, shape (N, m, n)."""
     columns = []
     for component in range(states.shape[1]):

@@ -158,17 +158,15 @@ class StateSpaceModel(ABC):
         """Return the log-density of the process noise of a step of `dt`, shape (N,)."""
         return self.process_error(dt).log_density(noise)
 
-    def sample_transition(
-            self, states: Array, dt: float, rng: np.random.Generator,
-            time: float = 0.0) -> Array:
+    def sample_transition(self, states: Array, dt: float, rng: np.random.Generator,
+                          time: float = 0.0) -> Array:
         """Draw a successor of each state, shape (N, n)."""
         successors = self.sample_noise(len(states), dt, rng)
         successors += self.transition(states, dt, time)
         return successors
 
-    def log_transition(
-            self, states: Array, previous: Array, dt: float,
-            time: float = 0.0) -> Array:
+    def log_transition(self, states: Array, previous: Array, dt: float,
+                       time: float = 0.0) -> Array:
         """Return log p(states[i] | previous[i]), shape (N,)."""
         return self.log_noise_density(states - self.transition(previous, dt, time), dt)
 
@@ -176,9 +174,8 @@ class StateSpaceModel(ABC):
         """Return measurement minus prediction, shape (..., m); override where angles wrap."""
         return measurements - predicted
 
-    def log_likelihood(
-            self, states: Array, measurement: Array, time: float = 0.0,
-            error: GaussianNoise | None = None) -> Array:
+    def log_likelihood(self, states: Array, measurement: Array, time: float = 0.0,
+                       error: GaussianNoise | None = None) -> Array:
         """Return log p(measurement | states[i]), shape (N,); `error` replaces R if given."""
         residual = self.residual(measurement, self.measure(states, time))
         return (error or self.measurement_error).log_density(residual)
@@ -234,9 +231,8 @@ class ConstantVelocity(LinearModel):
     says what is measured; by default p with unit variance.
     """
 
-    def __init__(
-            self, positions: int = 2, wandering: int = 0, acceleration_density: float = 1.0,
-            wander_density: float = 1.0, measurement_noise: ArrayLike | None = None) -> None:
+    def __init__(self, positions: int = 2, wandering: int = 0, acceleration_density: float = 1.0,
+                 wander_density: float = 1.0, measurement_noise: ArrayLike | None = None) -> None:
         self.positions = positions = checked_count('positions', positions)
         self.wandering = wandering = checked_count('wandering', wandering, least=0)
         self.acceleration_density = checked_positive('acceleration_density', acceleration_density)

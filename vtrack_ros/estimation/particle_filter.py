@@ -41,10 +41,9 @@ class ParticleFilter:
     All randomness comes from `rng`.
     """
 
-    def __init__(
-            self, model: StateSpaceModel, proposal: Proposal | None = None, *,
-            particles: int = 100, threshold: float = 0.5, weighting: str = 'full',
-            rng: np.random.Generator) -> None:
+    def __init__(self, model: StateSpaceModel, proposal: Proposal | None = None, *,
+                 particles: int = 100, threshold: float = 0.5, weighting: str = 'full',
+                 rng: np.random.Generator) -> None:
         self.model = model
         self.proposal = proposal if proposal is not None else PriorProposal()
         self.particles = checked_count('particles', particles)
@@ -121,10 +120,9 @@ class ParticleFilter:
                 belief.states, belief.weights, belief.time, belief.covariances,
                 (*belief.estimates[:-1], latest), belief.estimate_times)
 
-    def step(
-            self, measurement: ArrayLike | None = None, dt: float = 1.0,
-            log_likelihood: LogLikelihood | None = None,
-            error: GaussianNoise | None = None) -> Belief:
+    def step(self, measurement: ArrayLike | None = None, dt: float = 1.0,
+             log_likelihood: LogLikelihood | None = None,
+             error: GaussianNoise | None = None) -> Belief:
         """
         Advance by `dt`: propose, weight, estimate, resample.
 
@@ -146,9 +144,8 @@ class ParticleFilter:
             values = None
         return self.weight(proposed, values, dt)
 
-    def propose(
-            self, measurement: ArrayLike | None = None, dt: float = 1.0,
-            error: GaussianNoise | None = None) -> Proposed:
+    def propose(self, measurement: ArrayLike | None = None, dt: float = 1.0,
+                error: GaussianNoise | None = None) -> Proposed:
         """Draw the next particles, as `step` does, without changing the filter: see `weight`."""
         if not dt > 0:
             raise ValueError(f'dt must be positive, not {dt!r}')
@@ -206,10 +203,8 @@ class ParticleFilter:
             return None
         return np.tile(covariance, (self.particles, 1, 1))
 
-    def _remembered(
-            self, estimates: tuple[Array, ...], times: tuple[float, ...],
-            mean: Array, time: float,
-            ) -> tuple[tuple[Array, ...], tuple[float, ...]]:
+    def _remembered(self, estimates: tuple[Array, ...], times: tuple[float, ...], mean: Array,
+                    time: float) -> tuple[tuple[Array, ...], tuple[float, ...]]:
         """Return the past estimates and the new one, the latest as many as the proposal uses."""
         window = self.proposal.window
         if not window:

@@ -41,10 +41,8 @@ class Proposal(ABC):
     """Whether each particle carries the covariance of its own Gaussian filter."""
 
     @abstractmethod
-    def propose(
-            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: Array | None = None,
-            error: GaussianNoise | None = None) -> Proposed:
+    def propose(self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+                measurement: Array | None = None, error: GaussianNoise | None = None) -> Proposed:
         """
         Draw one successor for each particle of the belief before the step.
 
@@ -56,10 +54,8 @@ class Proposal(ABC):
 class PriorProposal(Proposal):
     """The transition prior p(x_k | x_{k-1}): the bootstrap filter, or Condensation."""
 
-    def propose(
-            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: Array | None = None,
-            error: GaussianNoise | None = None) -> Proposed:
+    def propose(self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+                measurement: Array | None = None, error: GaussianNoise | None = None) -> Proposed:
         return Proposed(model.sample_transition(belief.states, dt, rng, belief.time))
 
 
@@ -90,9 +86,8 @@ class GaussianFilterProposal(Proposal):
 
     """
 
-    def __init__(
-            self, gaussian_filter: GaussianFilter, covariance: str = 'reset',
-            inflation: float = 0.0) -> None:
+    def __init__(self, gaussian_filter: GaussianFilter, covariance: str = 'reset',
+                 inflation: float = 0.0) -> None:
         if covariance not in ('reset', 'kept'):
             raise ValueError(f'unknown covariance {covariance!r}; valid are reset, kept')
         if not 0 <= inflation < math.inf:
@@ -101,10 +96,8 @@ class GaussianFilterProposal(Proposal):
         self.keeps_covariances = covariance == 'kept'
         self.inflation = float(inflation)
 
-    def propose(
-            self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
-            measurement: Array | None = None,
-            error: GaussianNoise | None = None) -> Proposed:
+    def propose(self, model: StateSpaceModel, belief: Belief, dt: float, rng: np.random.Generator,
+                measurement: Array | None = None, error: GaussianNoise | None = None) -> Proposed:
         count, dimension = belief.states.shape
         covariances = np.empty((count, dimension, dimension)) if self.keeps_covariances else None
         if measurement is None:

@@ -58,9 +58,8 @@ class SigmaPointFilter(GaussianFilter):
         points = max(len(self.update_rule), len(self.transition_rule or ()))
         return max(points * self.model.state_dimension, super()._floats_per_belief())
 
-    def _predict(
-            self, mean: Array, covariance: Array, dt: float, time: float,
-            ) -> tuple[Array, Array]:
+    def _predict(self, mean: Array, covariance: Array, dt: float,
+                 time: float) -> tuple[Array, Array]:
         matrix = self.model.transition_matrix(dt)
         if matrix is not None:
             return self._propagate(mean, covariance, matrix, dt, time)
@@ -76,9 +75,8 @@ class SigmaPointFilter(GaussianFilter):
         spread += self.model.process_noise(dt)
         return predicted, symmetrised(spread)
 
-    def _update(
-            self, mean: Array, covariance: Array, measurement: Array, time: float,
-            error: GaussianNoise) -> tuple[Array, Array, Array]:
+    def _update(self, mean: Array, covariance: Array, measurement: Array, time: float,
+                error: GaussianNoise) -> tuple[Array, Array, Array]:
         rule, model = self.update_rule, self.model
         factor = self._factors(covariance)
         leading = factor[:, :, :rule.dimension]
@@ -116,9 +114,8 @@ class SigmaPointFilter(GaussianFilter):
         return factor
 
     @staticmethod
-    def _at_points(
-            function: Callable[[Array], Array], standard: Array, mean: Array,
-            factor: Array) -> Array:
+    def _at_points(function: Callable[[Array], Array], standard: Array, mean: Array,
+                   factor: Array) -> Array:
         """Return a function's values at each belief's sigma points, shape (N, points, ...)."""
         points = standard @ factor.swapaxes(1, 2)
         points += mean[:, np.newaxis]

@@ -43,9 +43,8 @@ RuleFactory: TypeAlias = Callable[[int], SigmaPointRule]
 """Makes a rule of a given dimension."""
 
 
-def unscented(
-        dimension: int, alpha: float = 1.0, beta: float = 0.0,
-        kappa: float | None = None) -> SigmaPointRule:
+def unscented(dimension: int, alpha: float = 1.0, beta: float = 0.0,
+              kappa: float | None = None) -> SigmaPointRule:
     """
     Return the unscented rule: 2n + 1 points (Julier and Uhlmann, 2004; Wan and van der Merwe).
 
@@ -111,9 +110,8 @@ def pruning_threshold(dimension: int, order: int, printed: bool = False) -> floa
     return float(weights[0] * weights[(order + 1) // 2 - 1] / order ** power)
 
 
-def pruned_gauss_hermite(
-        dimension: int, order: int = 3, threshold: float | None = None,
-        regroup: bool = False, matched: bool = True) -> SigmaPointRule:
+def pruned_gauss_hermite(dimension: int, order: int = 3, threshold: float | None = None,
+                         regroup: bool = False, matched: bool = True) -> SigmaPointRule:
     """
     Return the product rule without its points of small weight [Qi2012, section 2.1].
 

@@ -32,11 +32,10 @@ class Task:
     seeds: tuple[int, ...]
 
 
-def evaluate(
-        trackers: Iterable[str | TrackerSpecification],
-        sequences: Iterable[Sequence] | Path | str, seeds: int | Iterable[int] = 1,
-        jobs: int | None = None, progress: Progress | None = None,
-        cache: RunCache | None = None) -> Results:
+def evaluate(trackers: Iterable[str | TrackerSpecification],
+             sequences: Iterable[Sequence] | Path | str, seeds: int | Iterable[int] = 1,
+             jobs: int | None = None, progress: Progress | None = None,
+             cache: RunCache | None = None) -> Results:
     """
     Run every tracker over every sequence with every seed.
 

@@ -54,9 +54,8 @@ class WorstFrame:
     overlap: float
 
 
-def worst_frames(
-        runs: Mapping[str, Run], truth: Array, limit: int = 3,
-        apart: int = 8) -> list[WorstFrame]:
+def worst_frames(runs: Mapping[str, Run], truth: Array, limit: int = 3,
+                 apart: int = 8) -> list[WorstFrame]:
     """
     Return the worst frames of a sequence's runs, at most `limit`, in the order of time.
 
@@ -136,9 +135,8 @@ def _table(rows: Mapping[str, Scores], keys: tuple[str, ...]) -> dict[str, Any]:
     return {'figures': shown, 'rows': cells}
 
 
-def _mean_curves(
-        results: Results, colors: Mapping[str, str], thresholds: Array,
-        curve: Callable[[Array, Array], Array]) -> list[Curve]:
+def _mean_curves(results: Results, colors: Mapping[str, str], thresholds: Array,
+                 curve: Callable[[Array, Array], Array]) -> list[Curve]:
     """Return each tracker's mean of a curve of boxes and truth, over seeds and sequences."""
     curves = []
     for label, color in colors.items():

@@ -99,9 +99,8 @@ def frame_size(sequence: Sequence) -> tuple[int, int]:
     return width, height
 
 
-def stressed_sequence(
-        sequence: Sequence, kind: str, severity: float, seed: int = 0,
-        size: tuple[int, int] | None = None, content: str = '') -> StressedSequence:
+def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int = 0,
+                      size: tuple[int, int] | None = None, content: str = '') -> StressedSequence:
     """
     Return a sequence under stress, named as the original with kind and severity appended.
 

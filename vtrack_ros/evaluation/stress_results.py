@@ -96,11 +96,10 @@ class StressResults:
             float(np.median(known)) if len(known) else math.nan)
 
 
-def evaluate_stress(
-        trackers: Iterable[str | TrackerSpecification], sequences: Iterable[Sequence],
-        kinds: Iterable[str] = tuple(STRESS_KINDS), seeds: int | Iterable[int] = 1,
-        jobs: int | None = None, progress: Progress | None = None,
-        cache: RunCache | None = None, stress_seed: int = 0) -> StressResults:
+def evaluate_stress(trackers: Iterable[str | TrackerSpecification], sequences: Iterable[Sequence],
+                    kinds: Iterable[str] = tuple(STRESS_KINDS), seeds: int | Iterable[int] = 1,
+                    jobs: int | None = None, progress: Progress | None = None,
+                    cache: RunCache | None = None, stress_seed: int = 0) -> StressResults:
     """
     Run every tracker, and `dcf`, over every sequence as it is and at every severity of each kind.
 

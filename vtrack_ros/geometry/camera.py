@@ -157,9 +157,8 @@ def locate(box: Box, box_covariance: Array, camera: Camera | None, units: str = 
     return Position(point, covariance, units, total)
 
 
-def locate_velocity(
-        locate_box: Callable[[Box], Position | None], box: Box, velocity: Array,
-        covariance: Array) -> tuple[Array, Array] | None:
+def locate_velocity(locate_box: Callable[[Box], Position | None], box: Box, velocity: Array,
+                    covariance: Array) -> tuple[Array, Array] | None:
     """
     Return the velocity (3,) of where a moving box is, per second, and its covariance (3, 3).
 

@@ -24,9 +24,8 @@ class Services:
     after each service request, which may have changed the target or `paused`.
     """
 
-    def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool,
-                 target: Target, log: Log, give_up: Callable[[], None],
-                 changed: Callable[[], None]) -> None:
+    def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool, target: Target,
+                 log: Log, give_up: Callable[[], None], changed: Callable[[], None]) -> None:
         self._node = node
         self._types = types
         self._with_vision = with_vision

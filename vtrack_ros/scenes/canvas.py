@@ -19,9 +19,8 @@ Colour = tuple[float, float, float]
 _SHIFT = 6
 
 
-def fractal_noise(
-        shape: tuple[int, int], cell: float, rng: np.random.Generator,
-        persistence: float = 0.6) -> NDArray[np.float32]:
+def fractal_noise(shape: tuple[int, int], cell: float, rng: np.random.Generator,
+                  persistence: float = 0.6) -> NDArray[np.float32]:
     """
     Return noise of mean 0 and deviation about 1, whose spectrum falls off like natural images'.
 

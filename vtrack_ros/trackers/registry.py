@@ -62,9 +62,8 @@ def tracker_class(name: str) -> type[Tracker]:
     return found
 
 
-def create_tracker(
-        name: str, *, seed: int | np.random.Generator | None = None,
-        **parameters: Any) -> Tracker:
+def create_tracker(name: str, *, seed: int | np.random.Generator | None = None,
+                   **parameters: Any) -> Tracker:
     """Make a tracker by its name, with parameters of its own; errors as `Tracker`."""
     return tracker_class(name)(seed, **parameters)
 
