@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 import threading
 from typing import Any
@@ -41,7 +42,7 @@ class TrackerLink:
 
     def __init__(self, target: str, changed: Callable[[], None],
                  said: Callable[[str], None]) -> None:
-        loop = self._loop = asyncio.get_running_loop()
+        loop = asyncio.get_running_loop()
         self.target = target
         self._context = Context()
         # The event loop handles the signals.
@@ -93,27 +94,17 @@ class TrackerLink:
         BagError if it can't be written, ModuleNotFoundError without rosbags; TimeoutError if the
         disk takes long, which doesn't undo it.
         """
-        done: asyncio.Future[str] = self._loop.create_future()
-
-        def settle(text: str, error: Exception | None) -> None:
-            if done.done():
-                return
-            if error is None:
-                done.set_result(text)
-            else:
-                done.set_exception(error)
+        done: Future[str] = _begun()
 
         def work() -> None:
-            text, fault = '', None
             try:
-                text = (self._observer.finish_recording() if folder is None else
-                        self._observer.record(folder))
+                done.set_result(self._observer.finish_recording() if folder is None else
+                                self._observer.record(folder))
             except (OSError, ValueError, ModuleNotFoundError) as error:
-                fault = error
-            self._loop.call_soon_threadsafe(settle, text, fault)
+                done.set_exception(error)
         self._executor.create_task(work)
         try:
-            return await asyncio.wait_for(done, SERVICE_TIMEOUT)
+            return await asyncio.wait_for(asyncio.wrap_future(done), SERVICE_TIMEOUT)
         except TimeoutError:
             place = '' if folder is None else f' of {folder.absolute()}'
             raise TimeoutError(f'the disk{place} is slow: it has not answered within '
@@ -137,18 +128,14 @@ class TrackerLink:
     async def ask(self, service: str, **fields: Any) -> Any:
         """Call a service of the node; TimeoutError if it's missing or doesn't answer."""
         client, kind = self._clients[service], _SERVICES[service]
-        answer: asyncio.Future[Any] = self._loop.create_future()
-
-        def settle(future: Any) -> None:
-            if not answer.done():
-                answer.set_result(future.result())
+        answer: Future[Any] = _begun()
         if not client.service_is_ready():
             raise TimeoutError(f'there is no service {self.target}/{service}: is the node '
                                f'{self.target} running?')
         request = client.call_async(kind.Request(**fields))
-        request.add_done_callback(lambda future: self._loop.call_soon_threadsafe(settle, future))
+        request.add_done_callback(lambda future: answer.set_result(future.result()))
         try:
-            return await asyncio.wait_for(answer, SERVICE_TIMEOUT)
+            return await asyncio.wait_for(asyncio.wrap_future(answer), SERVICE_TIMEOUT)
         except TimeoutError:
             client.remove_pending_request(request)
             raise TimeoutError(
@@ -191,3 +178,10 @@ class TrackerLink:
     def _spin(self) -> None:
         while not self._closing.is_set():
             self._executor.spin_once(timeout_sec=0.2)
+
+
+def _begun() -> Future[Any]:
+    """Return a future that another thread sets, even after the wait for it was given up."""
+    future: Future[Any] = Future()
+    future.set_running_or_notify_cancel()
+    return future
