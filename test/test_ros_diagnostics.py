@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vtrack_ros.geometry import Box
-from vtrack_ros.ros.diagnostics import percentiles, report, SHARED_MEMORY, state_status
+from vtrack_ros.ros.diagnostics import percentiles, report, SEGMENT, state_status
 from vtrack_ros.session.frame_flow import Arrival, FrameFlow, RECOVERY_COUNT
 from vtrack_ros.tracker import Estimate, TrackState
 
@@ -43,7 +43,7 @@ def test_missing_frames_are_counted_by_their_stamps():
     flow = FrameFlow()
     feed(flow, [i for i in range(60) if i < 10 or i % 3])
     assert flow.missing == 16
-    flow.largest = SHARED_MEMORY
+    flow.largest = SEGMENT
     level, text, values = judge(flow, 60 * STEP)
     assert level == 1 and '16' in text and 'fastdds.xml' in text
     assert values['frames missing'] == '16'

@@ -35,7 +35,7 @@ _LEGIBLE = 480
 #: Bounds of a video's rate, [Hz]; MPEG-4 can't have much lower or much higher ones.
 _LOWEST_RATE, _HIGHEST_RATE = 0.01, 1000.0
 #: Largest number of pictures on a contact sheet, and of positions in a trail.
-_SHEET, _TRAIL_LENGTH = 16, 60
+_SHEET, TRAIL_LENGTH = 16, 60
 #: Radius of a two-dimensional Gaussian's 90 % ellipse, in standard deviations.
 _RADIUS = math.sqrt(-2 * math.log(0.1))
 
@@ -143,7 +143,7 @@ class Film:
         self._chosen = set(np.linspace(0, count - 1, min(_SHEET, count)).round().astype(int))
         self._index = 0
         self._sheet: list[Frame] = []
-        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL_LENGTH)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
         self._writer: Any = None
 
     def __enter__(self) -> Film:

@@ -1,6 +1,7 @@
 """The particle filter: one loop for any proposal."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -116,9 +117,7 @@ class ParticleFilter:
         latest = checked_array('estimate', estimate, (self.model.state_dimension,))
         belief = self.belief
         if belief.estimates:
-            self._belief = Belief(
-                belief.states, belief.weights, belief.time, belief.covariances,
-                (*belief.estimates[:-1], latest), belief.estimate_times)
+            self._belief = replace(belief, estimates=(*belief.estimates[:-1], latest))
 
     def step(self, measurement: ArrayLike | None = None, dt: float = 1.0,
              log_likelihood: LogLikelihood | None = None,
@@ -192,10 +191,9 @@ class ParticleFilter:
     def _resampled(self, belief: Belief) -> Belief:
         indices = systematic(belief.weights.values, self.particles, self._rng)
         covariances = belief.covariances
-        return Belief(
-            belief.states[indices], Weights.uniform(self.particles), belief.time,
-            None if covariances is None else covariances[indices],
-            belief.estimates, belief.estimate_times)
+        return replace(
+            belief, states=belief.states[indices], weights=Weights.uniform(self.particles),
+            covariances=None if covariances is None else covariances[indices])
 
     def _copies(self, covariance: Array) -> Array | None:
         """Return a copy of the covariance for each particle, where the proposal keeps them."""

@@ -258,8 +258,7 @@ class Localiser:
         if window.angle and self._time.is_due(_TURNED_EVERY):
             turn = self._template.angle(frame, window, center, self._similarity)
         model = model.updated(window, shift, self._time.step, self._first_model)
-        return TargetSnapshot(
-            model, center, size, live.usual_response, live.usual_similarity, turn)
+        return replace(live, model=model, center=center, size=size, turn=turn)
 
     def _verify(self, window: SearchWindow, center: Point, response: ResponseMap) -> None:
         """Compare a place, in pixels, with the initial template, if that's due."""

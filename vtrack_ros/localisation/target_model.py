@@ -191,8 +191,7 @@ class TargetSnapshot:
         usual_response += _USUAL_RATE * (response - usual_response)
         if similarity is not None:
             usual_similarity += _USUAL_RATE * (similarity - usual_similarity)
-        return TargetSnapshot(
-            self.model, self.center, self.size, usual_response, usual_similarity, self.turn)
+        return replace(self, usual_response=usual_response, usual_similarity=usual_similarity)
 
 
 def is_centred(shift: Point) -> bool:

@@ -18,7 +18,7 @@ NOTABLE_LOSS = 0.01
 #: Time-out, in seconds: without a good image for longer, the last measurement is stale.
 STALE_AFTER = 1.0
 #: Size of Fast DDS's shared-memory segment without our profile, in bytes.
-SHARED_MEMORY = 512 * 1024
+SEGMENT = 512 * 1024
 #: The advice where large images are lost on the way.
 _PROFILE_ADVICE = ('lost before they reached this node: use the Fast DDS profile '
                    'config/fastdds.xml in the publisher and the node')
@@ -166,7 +166,7 @@ def report(flow: FrameFlow, now: int, faults: Sequence[str], publishers: int,
         elif np.percentile(flow.latency or [0.0], 100 * (1 - share / 2)) > interval:
             # late: latency above the interval; at least half as many are late as are missing
             reason = 'and others are answered late: the processor or the network is busy'
-        elif flow.largest > SHARED_MEMORY // 2:
+        elif flow.largest > SEGMENT // 2:
             reason = _PROFILE_ADVICE
         else:
             reason = 'not sent, or lost before they reached this node'

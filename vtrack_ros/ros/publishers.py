@@ -16,7 +16,7 @@ from rclpy.qos import (
     qos_check_compatible, qos_policy_name_from_kind, QoSCompatibility, QoSProfile)
 from sensor_msgs.msg import Image
 
-from vtrack_ros.drawing import AnnotatedFrame, STATES, TRUTH
+from vtrack_ros.drawing import AnnotatedFrame, STATES, TRAIL_LENGTH, TRUTH
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry.camera import Position
 from vtrack_ros.messages import detections, poses
@@ -28,8 +28,6 @@ from vtrack_ros.tracker import Estimate
 OFFERED = QoSProfile(depth=10, deadline=Infinite, liveliness_lease_duration=Infinite)
 #: A velocity (3,) and its covariance (3, 3).
 Velocity: TypeAlias = tuple[Array, Array]
-#: Length of the trail on the debug image, in measured positions.
-_TRAIL_LENGTH = 60
 
 
 class Publishers:
@@ -39,7 +37,7 @@ class Publishers:
         self._node = node
         self._types = types
         self._faults: dict[str, str] = {}
-        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL_LENGTH)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
         self._identity = ('', '')
         self._with_transforms: bool | None = None
         self._all: list[Any] = []

@@ -11,7 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile, ReliabilityPolicy
 
-from vtrack_ros.ros.diagnostics import SHARED_MEMORY
+from vtrack_ros.ros.diagnostics import SEGMENT
 from vtrack_ros.ros.message_types import MessageTypes
 
 _IMAGES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
@@ -48,7 +48,7 @@ class ImageTopic:
     @property
     def exceeds_shared_memory(self) -> bool:
         """Return whether images are too large for Fast DDS without the profile."""
-        return self.size > SHARED_MEMORY // 2
+        return self.size > SEGMENT // 2
 
 
 @dataclass(frozen=True)

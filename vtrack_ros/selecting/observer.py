@@ -14,15 +14,15 @@ from rclpy.node import Node, NodeNameNonExistentError
 from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import Detection2DArray
 
+from vtrack_ros.drawing import TRAIL_LENGTH
 from vtrack_ros.messages.images import stamp_nanoseconds
 from vtrack_ros.ros.qos import Input
 
 if TYPE_CHECKING:
     from vtrack_ros.selecting.recording import Recording
 
-#: Buffer lengths: of the newest images and answers, each of which may wait for the other, and of
-#: the trail, in positions.
-_BUFFER_LENGTH, _TRAIL_LENGTH = 8, 60
+#: Buffer length of the newest images and answers, each of which may wait for the other.
+_BUFFER_LENGTH = 8
 #: An answer is shown on a later image only if their stamps differ by less, in nanoseconds.
 _RECENT = 1_000_000_000
 #: The values of ~/state that the page shows.
@@ -48,7 +48,7 @@ class Observer:
         self._changed, self._said = changed, said
         self._images: deque[Any] = deque(maxlen=_BUFFER_LENGTH)
         self._answers: deque[Any] = deque(maxlen=_BUFFER_LENGTH)
-        self._trail: deque[tuple[float, float]] = deque(maxlen=_TRAIL_LENGTH)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
         self._identity = ''
         self._state: dict[str, str] = {}
         self._inputs: dict[str, Input] = {}
