@@ -104,29 +104,11 @@ def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int 
     """
     Return a sequence under stress, named as the original with kind and severity appended.
 
-    Parameters
-    ----------
-    sequence : Sequence
-        The original.
-    kind : str
-        One of `STRESS_KINDS` that changes frames, or `plain`.
-    severity : float
-        In the kind's unit; the reports use the three of the kind's `severities`.
-    seed : int
-        Seeds the random numbers, together with the sequence's name and the kind; all severities
-        have the same random numbers.
-    size : (int, int), [px], optional
-        The original's `frame_size`, if it's known already.
-    content : str
-        The original's fingerprint, if it's known already.
-
-    Raises
-    ------
-    ValueError
-        If the kind is unknown or changes no frames, or the severity isn't positive.
-    SequenceError
-        If the first frame can't be read.
-
+    The kind is `plain`, or one of `STRESS_KINDS` that changes frames, the severity in its unit;
+    the reports use the three of its `severities`. Seed, name and kind seed the random numbers,
+    which are the same at all severities. The original's `frame_size` and its fingerprint
+    (`content`) are given if they're known already. ValueError if the kind is unknown or changes no
+    frames, or the severity isn't positive, SequenceError if the first frame can't be read.
     """
     size = size or frame_size(sequence)
     plan, _ = _planned(sequence, kind, severity, seed, size)

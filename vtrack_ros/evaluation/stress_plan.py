@@ -43,19 +43,11 @@ class StressPlan:
     """
     The changes of a sequence under stress.
 
-    Parameters
-    ----------
-    kept : ndarray of int, shape (m,)
-        The indices of the frames that remain.
-    truth : ndarray, shape (m, 4)
-        The boxes in the changed frames, hidden or not; NaN where the original has no target.
-    visible : ndarray of bool, shape (m,)
-        Whether at least a part of the target can be seen.
-    steps : ndarray, shape (m,)
-        The time since the previous frame, in the frame intervals of the original.
-    frames : callable
-        Makes the changed frames from the kept ones.
-
+    `kept`, shape (m,), are the indices of the frames that remain; `truth`, shape (m, 4), the boxes
+    in these as changed, hidden or not, NaN where the original has no target. `visible`, shape
+    (m,), tells whether at least a part of the target can be seen; `steps`, shape (m,), are the
+    times since the previous frame, in the original's frame intervals. `frames` makes the changed
+    frames from the kept ones.
     """
 
     kept: NDArray[np.intp]
