@@ -7,5 +7,7 @@ from numpy.typing import NDArray
 Frame = NDArray[np.uint8]
 #: An array of double precision.
 Array = NDArray[np.float64]
+#: An array of single precision.
+Array32 = NDArray[np.float32]
 #: A position (x, y) or a size (width, height).
 Point = tuple[float, float]

@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.affine_patches import AffinePatches
 from vtrack_ros.appearance.subspace import Subspace
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Array32, Frame
 
 #: Width of the robust error norm: residual, of grey in [0, 1], at which a pixel counts half.
 _ROBUST_WIDTH = 0.1
@@ -46,7 +45,7 @@ class AffineLikelihood:
         if colour and frame.ndim == 3:
             histogram = patches.colours()[0]
             self._colours = np.sqrt(histogram / max(histogram.sum(), 1e-12))
-        self._fresh: list[NDArray[np.float32]] = []
+        self._fresh: list[Array32] = []
 
     def log_likelihood(self, frame: Frame, states: Array, widths: Widths) -> Array:
         """Return the log-likelihood of affine frames (N, 3, 3), up to a constant; shape (N,)."""
@@ -58,20 +57,19 @@ class AffineLikelihood:
             result -= (1 - similarity) / (2 * widths.colour**2)
         return result
 
-    def patch(self, frame: Frame, state: Array) -> NDArray[np.float32]:
+    def patch(self, frame: Frame, state: Array) -> Array32:
         """Return the grey patch under one affine frame, shape (d,)."""
         patches = AffinePatches(frame, state[None], self.size, self.side)
-        patch: NDArray[np.float32] = patches.grey()[0]
+        patch: Array32 = patches.grey()[0]
         return patch
 
-    def similarity(self, patch: NDArray[np.float32]) -> float:
+    def similarity(self, patch: Array32) -> float:
         """Return the correlation of a patch with the first one, in [-1, 1]."""
         first, other = self._first - self._first.mean(), patch - patch.mean()
         norm = float(np.sqrt((first @ first) * (other @ other)))
         return float(first @ other) / norm if norm > 1e-6 else 0.0
 
-    def update(self, patch: NDArray[np.float32], interval: int, forgetting: float,
-               components: int) -> None:
+    def update(self, patch: Array32, interval: int, forgetting: float, components: int) -> None:
         """Collect a patch, shape (d,); every `interval` patches, update the subspace with them."""
         self._fresh.append(patch)
         if len(self._fresh) >= interval:

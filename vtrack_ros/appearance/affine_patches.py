@@ -2,10 +2,9 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.histogram import joint_bins
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Array32, Frame
 
 #: Affine frames sampled in one call: blocks that fit the processor's cache are several times as
 #: fast.
@@ -51,7 +50,7 @@ class AffinePatches:
         self._per_pixel = subset * used / shown
         self._origin = low - (subset - 1) / 2
 
-    def grey(self) -> NDArray[np.float32]:
+    def grey(self) -> Array32:
         """
         Return the grey patches in [0, 1], shape (N, side * side).
 
@@ -103,7 +102,7 @@ class AffinePatches:
         return rows
 
 
-def _grid(size: tuple[float, float], side: int) -> NDArray[np.float32]:
+def _grid(size: tuple[float, float], side: int) -> Array32:
     """Return homogeneous points on a rectangle about the origin, shape (3, side * side)."""
     offsets = (np.arange(side) + 0.5) / side - 0.5
     return np.stack([np.tile(offsets * size[0], side), np.repeat(offsets * size[1], side),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.features import all_colours, rgb555
-from vtrack_ros.frame import Frame
+from vtrack_ros.frame import Array32, Frame
 
 #: Levels that each colour channel is quantised to.
 _LEVELS = 16
@@ -29,8 +29,8 @@ Colours = NDArray[np.intp]
 class ColourModel:
     """Normalised colour histograms of target and surroundings; the foreground probability."""
 
-    target: NDArray[np.float32]
-    surroundings: NDArray[np.float32]
+    target: Array32
+    surroundings: Array32
 
     @classmethod
     def create(cls) -> ColourModel:
@@ -58,7 +58,7 @@ class ColourModel:
             _averaged(self.target, np.bincount(target.ravel(), None, size), target.size, rate),
             _averaged(self.surroundings, surroundings, colours.size - near.size, rate))
 
-    def probability(self, colours: Colours) -> NDArray[np.float32]:
+    def probability(self, colours: Colours) -> Array32:
         """Return each pixel's foreground probability by its colour; same shape."""
         return self._probabilities.take(colours)
 
@@ -68,7 +68,7 @@ class ColourModel:
         return float(self.probability(part).sum()) / max(1, part.size)
 
     @cached_property
-    def _probabilities(self) -> NDArray[np.float32]:
+    def _probabilities(self) -> Array32:
         table = self.target + self.surroundings
         table += np.float32(_EPSILON)
         np.divide(self.target, table, out=table)
@@ -90,9 +90,9 @@ def _bins() -> Colours:
     return bins
 
 
-def box_mean(probability: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def box_mean(probability: Array32, size: tuple[int, int]) -> Array32:
     """Return the mean over a box of `size` (width, height) about every pixel; outside it's 0."""
-    mean: NDArray[np.float32] = cv2.blur(probability, size, borderType=cv2.BORDER_CONSTANT)
+    mean: Array32 = cv2.blur(probability, size, borderType=cv2.BORDER_CONSTANT)
     return mean
 
 
@@ -102,10 +102,9 @@ def _within(colours: Colours, rectangle: Rectangle) -> Colours:
     return colours[top:bottom, left:right]
 
 
-def _averaged(mean: NDArray[np.float32], counts: NDArray[np.intp], total: int,
-              rate: float) -> NDArray[np.float32]:
+def _averaged(mean: Array32, counts: NDArray[np.intp], total: int, rate: float) -> Array32:
     """Return the moving average after one more histogram, the `counts` of `total` pixels."""
-    averaged: NDArray[np.float32] = counts.astype(np.float32)
+    averaged: Array32 = counts.astype(np.float32)
     averaged *= np.float32(rate / max(1, total))
     averaged += np.float32(1 - rate) * mean
     return averaged

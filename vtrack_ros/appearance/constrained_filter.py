@@ -8,12 +8,11 @@ import math
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.regression import (
     CorrelationFilter, fourier_matrices, inverse_maps, inverse_matrices, side_support, Spectrum,
     transform_matrices)
-from vtrack_ros.frame import Point
+from vtrack_ros.frame import Array32, Point
 
 #: Regularisation of the filter [Lukezic2017, lambda]; ADMM's penalty in the first iteration, and
 #: the factor by which it grows in each one.
@@ -38,7 +37,7 @@ class ConstrainedFilter(CorrelationFilter):
     `support` are the matrices that confine a spectrum to the target's box, of `support_matrices`.
     """
 
-    support: tuple[Spectrum, NDArray[np.float32], Spectrum]
+    support: tuple[Spectrum, Array32, Spectrum]
 
     #: Learning rate; lower than the unconstrained filter's, so that this one remembers longer.
     RATE: ClassVar[float] = 0.01
@@ -92,7 +91,7 @@ class ConstrainedFilter(CorrelationFilter):
 
 @lru_cache(maxsize=32)
 def support_matrices(rows: int, columns: int, width: float, height: float,
-                     ) -> tuple[Spectrum, NDArray[np.float32], Spectrum]:
+                     ) -> tuple[Spectrum, Array32, Spectrum]:
     """
     Return the matrices that mask a spectrum's maps by a box about (0, 0), cyclically.
 

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Array32, Frame
 
 #: A window's features: float32, shape (channels, rows, columns).
-Features = NDArray[np.float32]
+Features = Array32
 
 #: Bins of the gradient's direction, over a full turn, and of its orientation, over half a turn.
 _SIGNED = 18
@@ -126,7 +126,7 @@ def colour_names(pixels: Frame) -> Features:
 
 
 @lru_cache(maxsize=1)
-def _table() -> NDArray[np.float32]:
+def _table() -> Array32:
     """Return the channels of all 15-bit colours, shape (COLOURS, COLOUR_CHANNELS)."""
     names = memberships()
     lab = _lab(all_colours()[0])

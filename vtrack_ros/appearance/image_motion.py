@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow, turned
-from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.frame import Array, Array32, Frame, Point
 from vtrack_ros.geometry import Box
 
 #: Columns of a sparse picture, and of the coarse one made of it: subsampled to 1 to 2 times this.
@@ -107,22 +107,21 @@ class SparsePicture:
         return self._agreed(later, points, (x, y)) or whole
 
     @cached_property
-    def _coarse(self) -> tuple[NDArray[np.float32], int]:
+    def _coarse(self) -> tuple[Array32, int]:
         """Return the pixels, subsampled again, and their stride; OpenCV may change them."""
         every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
         coarse = np.ascontiguousarray(self.pixels[::every, ::every], np.float32)
         return coarse, every * self.stride
 
     @property
-    def _padded(self) -> NDArray[np.float32]:
+    def _padded(self) -> Array32:
         """Return the windowed picture, zero-padded to twice its sides: no shift wraps around."""
         rows, columns = self.pixels.shape
         padded = np.zeros((2 * rows, 2 * columns), np.float32)
         padded[:rows, :columns] = (self.pixels - self.pixels.mean()) * _half_sines(rows, columns)
         return padded
 
-    def _agreed(self, later: SparsePicture, points: NDArray[np.float32],
-                about: Point) -> Point | None:
+    def _agreed(self, later: SparsePicture, points: Array32, about: Point) -> Point | None:
         """Return the step that points agree on, [px]; `about` is its first guess, in samples."""
         if len(points) < _LEAST_POINTS:
             return None
@@ -141,7 +140,7 @@ class SparsePicture:
 
 
 @lru_cache(maxsize=8)
-def _hanning(rows: int, columns: int) -> NDArray[np.float32]:
+def _hanning(rows: int, columns: int) -> Array32:
     return np.outer(np.hanning(rows), np.hanning(columns)).astype(np.float32)
 
 
@@ -153,7 +152,7 @@ def _half_sines(rows: int, columns: int) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _ground_points(rows: int, columns: int) -> NDArray[np.float32]:
+def _ground_points(rows: int, columns: int) -> Array32:
     """Return points all over a picture, in samples, shape (N, 1, 2)."""
     x, y = ((np.arange(points) + 0.5) / points * side
             for points, side in ((_ACROSS, columns), (_DOWN, rows)))
@@ -289,9 +288,8 @@ def _pairs(count: int) -> NDArray[np.intp]:
         for step in (count // 4, count // 3, count // 2)], axis=1)
 
 
-def _followed(before: Frame, after: Frame, points: NDArray[np.float32],
-              least_texture: float = _LEAST_TEXTURE, about: Point = (0.0, 0.0),
-              ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+def _followed(before: Frame, after: Frame, points: Array32, least_texture: float = _LEAST_TEXTURE,
+              about: Point = (0.0, 0.0)) -> tuple[Array32, NDArray[np.bool_]]:
     """Return the places in `after` of points, shape (N, 1, 2), in `before`; which are found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, points, points + np.array(about, np.float32), winSize=(_WINDOW, _WINDOW),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from vtrack_ros.appearance.features import Features, GRADIENT_CHANNELS, oriented_gradients
 from vtrack_ros.appearance.sampling import sample_grids
-from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.frame import Array, Array32, Frame, Point
 
 Spectrum = NDArray[np.complex64]
 
@@ -47,7 +47,7 @@ class CorrelationFilter:
     """
 
     numerator: Spectrum
-    denominator: NDArray[np.float32]
+    denominator: Array32
     label: Spectrum
     shape: tuple[int, int]
     regularisation: float
@@ -99,7 +99,7 @@ class CorrelationFilter:
             denominator=own * self.denominator + its * other.denominator)
 
     def response(self, spectrum: Spectrum, rows: slice = _WHOLE, columns: slice = _WHOLE,
-                 ) -> NDArray[np.float32]:
+                 ) -> Array32:
         """
         Return the response, shape ([filters,] rows, columns): 1 at the target, 0 elsewhere.
 
@@ -130,7 +130,7 @@ class CorrelationFilter:
         return self.numerator.conj()
 
     @cached_property
-    def _divisor(self) -> NDArray[np.float32]:
+    def _divisor(self) -> Array32:
         return self.denominator + np.float32(self.regularisation)
 
 
@@ -146,8 +146,8 @@ class ScaleRegression:
     (scales, features), are the moving averages of the features at each scale.
     """
 
-    axes: tuple[NDArray[np.float32], NDArray[np.float32]]
-    examples: NDArray[np.float32]
+    axes: tuple[Array32, Array32]
+    examples: Array32
 
     @classmethod
     def create(cls, width: float, height: float) -> ScaleRegression:
@@ -177,7 +177,7 @@ class ScaleRegression:
         return ScaleRegression(self.axes, examples)
 
     @cached_property
-    def _solution(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _solution(self) -> tuple[Array32, Array32]:
         """Return the mean features, and the weights of deviations from them."""
         mean = self.examples.mean(axis=0)
         differences = self.examples - mean
@@ -186,7 +186,7 @@ class ScaleRegression:
         dual = np.linalg.solve(products + ridge * np.eye(len(products)), _EXAMPLES)
         return mean, dual.astype(np.float32) @ differences
 
-    def _features(self, grey: Frame, center: Point, scales: Array) -> NDArray[np.float32]:
+    def _features(self, grey: Frame, center: Point, scales: Array) -> Array32:
         """Return the gradient features, shape (scales, features), at log scales."""
         factors = np.exp(scales).astype(np.float32)[:, None]
         # samples count from the centre of a pixel, boxes from its outer corner
@@ -212,8 +212,7 @@ def fourier_matrices(rows: int, columns: int) -> tuple[Spectrum, Spectrum]:
 
 
 @lru_cache(maxsize=64)
-def transform_matrices(rows: int, columns: int,
-                       tapered: bool) -> tuple[NDArray[np.float32], Spectrum]:
+def transform_matrices(rows: int, columns: int, tapered: bool) -> tuple[Array32, Spectrum]:
     """
     Return the Fourier transform of real maps as matrices: the right factor, the left factor.
 
@@ -225,27 +224,27 @@ def transform_matrices(rows: int, columns: int,
     return over_columns, np.fft.fft(down).T.astype(np.complex64)
 
 
-def transformed_maps(maps: NDArray[np.float32], tapered: bool = False) -> Spectrum:
+def transformed_maps(maps: Array32, tapered: bool = False) -> Spectrum:
     """Return the spectrum of maps, shape (channels, rows, columns), that may be tapered first."""
     over_columns, over_rows = transform_matrices(*maps.shape[1:], tapered)
     spectrum: Spectrum = over_rows @ (maps @ over_columns).view(np.complex64)
     return spectrum
 
 
-def inverse_maps(spectrum: Spectrum) -> NDArray[np.float32]:
+def inverse_maps(spectrum: Spectrum) -> Array32:
     """Return the maps, shape (channels, rows, columns), of a spectrum."""
     over_rows, over_columns = inverse_matrices(spectrum.shape[1], 2 * (spectrum.shape[2] - 1))
-    maps: NDArray[np.float32] = (over_rows @ spectrum).view(np.float32) @ over_columns
+    maps: Array32 = (over_rows @ spectrum).view(np.float32) @ over_columns
     return maps
 
 
 @lru_cache(maxsize=32)
-def box_support(rows: int, columns: int, width: float, height: float) -> NDArray[np.float32]:
+def box_support(rows: int, columns: int, width: float, height: float) -> Array32:
     """Return each cell's share inside a box about (0, 0), cyclically; sizes in cells."""
     return np.outer(side_support(rows, height), side_support(columns, width))
 
 
-def side_support(cells: int, length: float) -> NDArray[np.float32]:
+def side_support(cells: int, length: float) -> Array32:
     """Return each cell's share, along a side, inside a length about 0, cyclically."""
     distance = np.abs(np.fft.fftfreq(cells) * cells)
     return np.clip(length / 2 + 0.5 - distance, 0, 1).astype(np.float32)
@@ -257,7 +256,7 @@ def taper(length: int) -> Array:
 
 
 @lru_cache(maxsize=32)
-def inverse_matrices(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.float32]]:
+def inverse_matrices(rows: int, columns: int) -> tuple[Spectrum, Array32]:
     """
     Return the inverse Fourier transform as matrices: the left factor, then the right factor.
 
@@ -270,9 +269,9 @@ def inverse_matrices(rows: int, columns: int) -> tuple[Spectrum, NDArray[np.floa
             parts.reshape(-1, columns).astype(np.float32))
 
 
-def power(spectrum: Spectrum) -> NDArray[np.float32]:
+def power(spectrum: Spectrum) -> Array32:
     """Return the sum of squared magnitudes over the first axis."""
     parts = spectrum.view(np.float32)
     squares = np.einsum('c...,c...->...', parts, parts)
-    total: NDArray[np.float32] = squares[..., ::2] + squares[..., 1::2]
+    total: Array32 = squares[..., ::2] + squares[..., 1::2]
     return total

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Frame, Point
+from vtrack_ros.frame import Array32, Frame, Point
 
 #: Largest area, [px^2], at which a window that reaches beyond the frame is copied with the border
 #: replicated; a larger one is remapped.
@@ -116,7 +116,7 @@ def turned(offset: Point, angle: float) -> Point:
     return cosine * offset[0] - sine * offset[1], sine * offset[0] + cosine * offset[1]
 
 
-def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -> Frame:
+def sample_grids(image: Frame, x: Array32, y: Array32) -> Frame:
     """
     Return an image's values on grids of columns and rows; its border is replicated.
 
@@ -135,8 +135,7 @@ def sample_grids(image: Frame, x: NDArray[np.float32], y: NDArray[np.float32]) -
     return np.rint(result).astype(np.uint8).transpose(0, 2, 1)
 
 
-def _neighbours(at: NDArray[np.float32], length: int) -> tuple[
-        NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]:
+def _neighbours(at: Array32, length: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Array32]:
     """Return the pixels before and after places along a side, and the second's weight."""
     first = np.floor(at)
     # bounded as floats: NumPy's clip takes three times as long for whole numbers

@@ -8,11 +8,10 @@ from typing import TypeVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow
 from vtrack_ros.file_names import is_utf8
-from vtrack_ros.frame import Array, Frame, Point
+from vtrack_ros.frame import Array, Array32, Frame, Point
 
 #: Sides of the exemplar (the target's image) and of the search image, in samples, as in NanoTrack.
 EXEMPLAR, SEARCHED = 127, 255
@@ -29,7 +28,7 @@ _CHANNELS, _FEATURES = 48, {EXEMPLAR: 8, SEARCHED: 16}
 _TEMPLATE, _SEARCH, _SCORES, _SIDES = 'input1', 'input2', 'output1', 'output2'
 
 #: Features of an image, float32, shape (1, channels, rows, columns).
-Blob = NDArray[np.float32]
+Blob = Array32
 #: A length, or an array of lengths, one for each of several boxes.
 Length = TypeVar('Length', float, Array)
 

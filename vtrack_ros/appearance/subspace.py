@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array
+from vtrack_ros.frame import Array, Array32
 
-Vectors = NDArray[np.float32]
+Vectors = Array32
 
 #: Patches handled at once: blocks that fit the processor's cache are several times as fast.
 _BLOCK = 64

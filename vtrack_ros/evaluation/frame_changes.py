@@ -6,9 +6,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Array32, Frame
 from vtrack_ros.geometry.affine import rotation
 
 #: Outer share of an ellipse's radius over which the opacity of a cut-out falls to 0.
@@ -158,17 +157,16 @@ def _inside(frame: Frame, x: int, y: int, wide: int, high: int) -> (
     return (left, top, right, bottom) if left < right and top < bottom else None
 
 
-def _ellipse(box: Array, left: int, top: int, right: int, bottom: int) -> NDArray[np.float32]:
+def _ellipse(box: Array, left: int, top: int, right: int, bottom: int) -> Array32:
     """Return the opacity, 0 to 1, of the ellipse inscribed in a box, for each pixel of an area."""
     center, radii = box[:2] + box[2:] / 2, box[2:] / 2
     x = (np.arange(left, right) + 0.5 - center[0]) / radii[0]
     y = (np.arange(top, bottom) + 0.5 - center[1]) / radii[1]
-    share: NDArray[np.float32] = np.clip(
-        (1 - np.hypot(x, y[:, None])) / _FEATHER, 0, 1).astype(np.float32)
+    share: Array32 = np.clip((1 - np.hypot(x, y[:, None])) / _FEATHER, 0, 1).astype(np.float32)
     return share
 
 
-def _clipped(values: NDArray[np.float32]) -> Frame:
+def _clipped(values: Array32) -> Frame:
     return np.rint(np.clip(values, 0, 255)).astype(np.uint8)
 
 

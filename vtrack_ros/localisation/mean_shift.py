@@ -3,9 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array, Point
+from vtrack_ros.frame import Array, Array32, Point
 
 
 def fuse(zeta: float, climbed: Point, best: Point, near: float, far: float, accepted: float,
@@ -30,7 +29,7 @@ def fuse(zeta: float, climbed: Point, best: Point, near: float, far: float, acce
     return (zeta * climbed[0] + (1 - zeta) * best[0], zeta * climbed[1] + (1 - zeta) * best[1])
 
 
-def climbing_weights(response: NDArray[np.float32]) -> Array:
+def climbing_weights(response: Array32) -> Array:
     """Return the weights for a climb on a response: its excess over the mean, cubed."""
     above = np.maximum(response.astype(np.float64) - response.mean(), 0.0)
     return above * above * above

@@ -9,9 +9,8 @@ from typing import TypeAlias
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array, Point
+from vtrack_ros.frame import Array, Array32, Point
 from vtrack_ros.geometry.affine import rotation
 from vtrack_ros.localisation.search_window import Grid
 
@@ -31,7 +30,7 @@ class ResponseMap:
     """The response to the target's centre in each cell of a window."""
 
     window: Grid
-    values: NDArray[np.float32]
+    values: Array32
 
     @cached_property
     def highest(self) -> tuple[int, int]:
@@ -206,7 +205,7 @@ def share_of(highest: float, share: float) -> float:
     return min(share * highest, highest)
 
 
-def subcell_offset(response: NDArray[np.float32], row: int, column: int) -> tuple[float, float]:
+def subcell_offset(response: Array32, row: int, column: int) -> tuple[float, float]:
     """Return how far (x, y) a maximum is from its cell, from -0.5 to 0.5; 0 at the border."""
     x, y, at = 0.0, 0.0, response.item
     peak = at(row, column)

@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vtrack_ros.appearance.colour_model import box_mean, ColourModel
 from vtrack_ros.appearance.constrained_filter import ConstrainedFilter
 from vtrack_ros.appearance.regression import CorrelationFilter, ScaleRegression
-from vtrack_ros.frame import Frame, Point
+from vtrack_ros.frame import Array32, Frame, Point
 from vtrack_ros.localisation.response_map import ResponseMap
 from vtrack_ros.localisation.running_means import latest_weight
 from vtrack_ros.localisation.search_window import (
@@ -76,7 +75,7 @@ class TargetModel:
             ColourModel.create().updated(window.colours, window.rectangle(shift), 1.0),
             scale.updated(window.grey, window.sample_at(shift), growth, 1.0))
 
-    def response(self, window: SearchWindow) -> NDArray[np.float32]:
+    def response(self, window: SearchWindow) -> Array32:
         """
         Return the response to the target's centre in each cell of a window.
 

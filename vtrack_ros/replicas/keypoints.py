@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow
-from vtrack_ros.frame import Array, Frame
+from vtrack_ros.frame import Array, Array32, Frame
 from vtrack_ros.geometry import affine
 
 #: Largest mean side of the window that keypoints are detected in, and of the target, in samples.
@@ -35,7 +35,7 @@ class Keypoints:
     """Keypoints of one frame: points (M, 2), [px], and descriptors (M, 128)."""
 
     points: Array
-    descriptors: NDArray[np.float32]
+    descriptors: Array32
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,7 @@ class KeypointDetector:
         return Keypoints(whole.center + offset * (whole.width, whole.height), descriptors)
 
 
-def nearest(known: NDArray[np.float32], seen: NDArray[np.float32]) -> tuple[
-        NDArray[np.intp], NDArray[np.intp]]:
+def nearest(known: Array32, seen: Array32) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """
     Match known descriptors (M, d) with seen ones (N, d); return the matches' rows in both.
 

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vtrack_ros.frame import Array32
 from vtrack_ros.scenes.sprite import Sprite
 
 #: A picture: float32, shape (H, W, 3), BGR, 0 to 255.
-Picture = NDArray[np.float32]
+Picture = Array32
 #: A colour: blue, green, red, 0 to 255.
 Colour = tuple[float, float, float]
 # Fixed-point bits of OpenCV's drawing coordinates.
@@ -20,7 +21,7 @@ _SHIFT = 6
 
 
 def fractal_noise(shape: tuple[int, int], cell: float, rng: np.random.Generator,
-                  persistence: float = 0.6) -> NDArray[np.float32]:
+                  persistence: float = 0.6) -> Array32:
     """
     Return noise of mean 0 and deviation about 1, whose spectrum falls off like natural images'.
 
@@ -44,8 +45,7 @@ def fractal_noise(shape: tuple[int, int], cell: float, rng: np.random.Generator,
         cell /= 2
 
 
-def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
-           hue: float = 0.0) -> Picture:
+def tinted(noise: Array32, colour: Colour, contrast: float, hue: float = 0.0) -> Picture:
     """Return a colour; its brightness varies with noise by `contrast`, red minus blue by `hue`."""
     base = np.array(colour, np.float32)
     tint = np.array([-hue, 0.0, hue], np.float32)
@@ -53,7 +53,7 @@ def tinted(noise: NDArray[np.float32], colour: Colour, contrast: float,
     return np.asarray(np.clip(base * gain, 0, 255), np.float32)
 
 
-def lit(colour: Colour, gain: NDArray[np.float32]) -> Picture:
+def lit(colour: Colour, gain: Array32) -> Picture:
     """Return one colour multiplied by a gain of shape (H, W)."""
     return np.asarray(np.clip(np.array(colour, np.float32) * gain[..., None], 0, 255), np.float32)
 
@@ -110,7 +110,7 @@ class Canvas:
         self.picture: Picture = np.empty((*self.shape, 3), np.float32)
         self.picture[:] = colour
 
-    def gain(self, gain: NDArray[np.float32]) -> None:
+    def gain(self, gain: Array32) -> None:
         """Multiply the picture by a gain that broadcasts to its shape (height, width)."""
         self.picture = np.asarray(np.clip(self.picture * gain[..., None], 0, 255), np.float32)
 
@@ -119,12 +119,12 @@ class Canvas:
         pixels = np.dstack([self.picture, np.ones(self.shape, np.float32)])
         return Sprite(pixels, self.unit, -(self.right - self.left) / 2, -(self.bottom - self.top))
 
-    def rows(self) -> NDArray[np.float32]:
+    def rows(self) -> Array32:
         """Return the y of every pixel row, shape (height, 1)."""
         return np.float32(self.top) + (np.arange(self.shape[0], dtype=np.float32)[:, None] + 0.5) \
             / np.float32(self.unit)
 
-    def columns(self) -> NDArray[np.float32]:
+    def columns(self) -> Array32:
         """Return the x of every pixel column, shape (1, width)."""
         return np.float32(self.left) + (np.arange(self.shape[1], dtype=np.float32)[None] + 0.5) \
             / np.float32(self.unit)

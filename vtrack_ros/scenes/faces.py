@@ -4,9 +4,8 @@ from functools import lru_cache
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array
+from vtrack_ros.frame import Array, Array32
 from vtrack_ros.scenes.canvas import Colour
 from vtrack_ros.scenes.interior import office
 from vtrack_ros.scenes.solid import ball, limb, Paint, plain, render, rotation, striped, surface
@@ -60,11 +59,11 @@ class Head:
 def _face(skin: Colour, hair: Colour, complexion: Paint) -> Paint:
     base = np.array(skin, np.float32)
 
-    def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def paint(points: Array32) -> Array32:
         x, y, z = points[:, 0], points[:, 1], points[:, 2]
         colour = base * (1 + 0.035 * complexion(points))
 
-        def blend(mask: NDArray[np.float32], tone: Colour, strength: float = 1.0) -> None:
+        def blend(mask: Array32, tone: Colour, strength: float = 1.0) -> None:
             weight = (strength * mask * (z > 0))[:, None]
             colour[:] += weight * (np.array(tone, np.float32) - colour)
 
@@ -87,8 +86,7 @@ def _face(skin: Colour, hair: Colour, complexion: Paint) -> Paint:
     return paint
 
 
-def _spot(x: NDArray[np.float32], y: NDArray[np.float32], cx: float, cy: float, rx: float,
-          ry: float) -> NDArray[np.float32]:
+def _spot(x: Array32, y: Array32, cx: float, cy: float, rx: float, ry: float) -> Array32:
     """Return 1 inside an ellipse, 0 outside, with a linear transition at its rim."""
     radius = np.sqrt(((x - cx) / rx) ** 2 + ((y - cy) / ry) ** 2)
     return np.asarray(np.clip(3 * (1.15 - radius), 0, 1), np.float32)

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array
+from vtrack_ros.frame import Array, Array32
 from vtrack_ros.scenes.canvas import (
     Canvas, Colour, foliage, fractal_noise, lit, masonry, Picture, tinted)
 from vtrack_ros.scenes.stage import View
@@ -41,7 +40,7 @@ class Ground:
 
 
 def tiles(canvas: Canvas, ground: Ground, edge: float, contrast: float,
-          rng: np.random.Generator) -> NDArray[np.float32]:
+          rng: np.random.Generator) -> Array32:
     """Return the gain of square tiles of an edge length on the ground; distant ones fade."""
     across, away = ground.plane(canvas)
     column, row = np.floor(across / edge).astype(int), np.floor(away / edge).astype(int)
@@ -54,7 +53,7 @@ def tiles(canvas: Canvas, ground: Ground, edge: float, contrast: float,
 
 
 def speckle(canvas: Canvas, ground: Ground, cell: float, contrast: float,
-            rng: np.random.Generator) -> NDArray[np.float32]:
+            rng: np.random.Generator) -> Array32:
     """Return the gain of irregular ground, such as grass or asphalt, in perspective."""
     across, away = ground.plane(canvas)
     noise = fractal_noise((512, 512), 64, rng, 0.75)

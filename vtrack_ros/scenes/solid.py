@@ -6,14 +6,14 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from vtrack_ros.frame import Array
+from vtrack_ros.frame import Array, Array32
 from vtrack_ros.scenes.canvas import Colour, fractal_noise
 from vtrack_ros.scenes.sprite import Sprite
 
 #: Points on the unit sphere, shape (n, 3), -> colours, shape (n, 3), or values, shape (n, 1).
-Paint = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+Paint = Callable[[Array32], Array32]
 
 _LIGHT = np.array([-0.42, -0.62, 0.66], np.float32) / np.float32(0.998)
 
@@ -83,7 +83,7 @@ def render(solids: Sequence[Ellipsoid], turn: Array, unit: float, ambient: float
     return Sprite(np.asarray(pixels, np.float32), unit, float(left), float(top))
 
 
-def _cast(solid: Ellipsoid, colour: NDArray[np.float32], depth: NDArray[np.float32], left: float,
+def _cast(solid: Ellipsoid, colour: Array32, depth: Array32, left: float,
           top: float, step: float, ambient: float) -> None:
     """Cast a ray through every pixel of a part of the picture and keep the nearest hits."""
     inverse = np.linalg.inv(solid.axes).astype(np.float32)
@@ -116,7 +116,7 @@ def surface(rng: np.random.Generator, cell: float, stretch: float = 1.0) -> Pain
     if stretch > 1:
         noise = np.asarray(cv2.resize(noise[:int(256 / stretch)], (512, 256)), np.float32)
 
-    def values(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def values(points: Array32) -> Array32:
         latitude = np.arcsin(np.clip(points[:, 1], -1, 1)) / math.pi + 0.5
         longitude = np.arctan2(points[:, 0], points[:, 2]) / (2 * math.pi) + 0.5
         rows = np.clip((latitude * 256).astype(int), 0, 255)
@@ -130,7 +130,7 @@ def plain(colour: Colour, grain: Paint | None = None, contrast: float = 0.1) -> 
     """Return a paint of one colour, whose brightness varies with the grain by `contrast`."""
     base = np.array(colour, np.float32)
 
-    def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def paint(points: Array32) -> Array32:
         noise = contrast * grain(points) if grain is not None else np.float32(0)
         return np.asarray(np.broadcast_to(base * (1 + noise), (len(points), 3)), np.float32)
 
@@ -142,7 +142,7 @@ def striped(one: Colour, other: Colour, count: float, axis: int, grain: Paint,
     """Return a paint of stripes across an axis of the unit sphere."""
     first, second = plain(one, grain), plain(other, grain)
 
-    def paint(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    def paint(points: Array32) -> Array32:
         phase = (points[:, axis:axis + 1] * count / 2) % 1
         return np.asarray(np.where(phase < share, first(points), second(points)), np.float32)
 

@@ -7,9 +7,8 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array
+from vtrack_ros.frame import Array, Array32
 
 #: A 2-D affine map, shape (2, 3).
 Affine = Array
@@ -47,7 +46,7 @@ class Sprite:
     A length of 1 has `unit` pixels; `left` and `top` are the picture's top-left corner.
     """
 
-    pixels: NDArray[np.float32]
+    pixels: Array32
     unit: float
     left: float
     top: float
@@ -60,7 +59,7 @@ class Sprite:
         return np.concatenate(points) / self.unit + (self.left, self.top)
 
     @cached_property
-    def _levels(self) -> list[NDArray[np.float32]]:
+    def _levels(self) -> list[Array32]:
         levels = [self.pixels]
         while min(levels[-1].shape[:2]) > 3:
             height, width = levels[-1].shape[:2]
@@ -79,7 +78,7 @@ class Sprite:
         low, high = np.floor(mapped.min(axis=0)) - 1, np.ceil(mapped.max(axis=0)) + 1
         return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
-    def warped(self, matrix: Affine, bounds: tuple[int, int, int, int]) -> NDArray[np.float32]:
+    def warped(self, matrix: Affine, bounds: tuple[int, int, int, int]) -> Array32:
         """Return the picture, mapped by `matrix`, in a window (left, top, right, bottom)."""
         shrink = math.sqrt(abs(np.linalg.det(matrix[:, :2]))) / self.unit
         level = 0

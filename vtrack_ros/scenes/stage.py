@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vtrack_ros.frame import Array
+from vtrack_ros.frame import Array, Array32
 from vtrack_ros.geometry import Box
 from vtrack_ros.scenes.canvas import Canvas
 from vtrack_ros.scenes.sprite import Affine, compose, mapped_bounds, Placement, Sprite
@@ -142,7 +142,7 @@ def _world_to_image(scene: Scene, time: float) -> Affine:
     return np.column_stack([linear, middle - linear @ looked_at])
 
 
-def _exposed(scene: Scene, time: float) -> NDArray[np.float32]:
+def _exposed(scene: Scene, time: float) -> Array32:
     """Return the picture of backdrop and actors, averaged over the exposure (motion blur)."""
     half = scene.camera.exposure / 2
     picture = np.zeros((scene.view.height, scene.view.width, 3), np.float32)
@@ -164,7 +164,7 @@ def _exposure(matrix: Callable[[float], Affine], time: float, half: float) -> li
     return [matrix(moment) for moment in moments]
 
 
-def _backdrop(scene: Scene, world_to_image: Affine) -> NDArray[np.float32]:
+def _backdrop(scene: Scene, world_to_image: Affine) -> Array32:
     canvas = scene.backdrop
     to_world = np.array([[1 / canvas.unit, 0, canvas.left + 0.5 / canvas.unit],
                          [0, 1 / canvas.unit, canvas.top + 0.5 / canvas.unit]])
@@ -175,8 +175,7 @@ def _backdrop(scene: Scene, world_to_image: Affine) -> NDArray[np.float32]:
                                      borderMode=cv2.BORDER_REFLECT), np.float32)
 
 
-def _lay(picture: NDArray[np.float32], scene: Scene, actor: Actor, time: float,
-         half: float) -> None:
+def _lay(picture: Array32, scene: Scene, actor: Actor, time: float, half: float) -> None:
     sprite = actor.sprite(time)
     matrices = _exposure(lambda when: compose(
         _world_to_image(scene, when), actor.placement(when).matrix()), time, half)
@@ -195,7 +194,7 @@ def _lay(picture: NDArray[np.float32], scene: Scene, actor: Actor, time: float,
     part += layer[..., :3]
 
 
-def _developed(scene: Scene, picture: NDArray[np.float32], time: float,
+def _developed(scene: Scene, picture: Array32, time: float,
                rng: np.random.Generator) -> NDArray[np.uint8]:
     """Apply light, lens and sensor."""
     view = scene.view

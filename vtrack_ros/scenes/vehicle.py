@@ -5,8 +5,8 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from vtrack_ros.frame import Array32
 from vtrack_ros.scenes.canvas import Colour, fractal_noise
 from vtrack_ros.scenes.solid import ball, limb, plain, render, rotation, striped, surface
 from vtrack_ros.scenes.sprite import Sprite
@@ -158,7 +158,7 @@ class Helicopter:
         turned = np.arctan2(y / flat, x) - 2.3 * time
         blade = np.abs((turned + math.pi / 4) % (math.pi / 2) - math.pi / 4) * distance < 0.22
         alpha = np.where(blade & (distance < radius), 0.42, alpha)
-        pixels: NDArray[np.float32] = np.zeros((size, size, 4), np.float32)
+        pixels: Array32 = np.zeros((size, size, 4), np.float32)
         pixels[..., 3] = alpha
         pixels[..., :3] = 58 * alpha[..., None]
         return Sprite(pixels, unit, -radius, -radius - 1.05)
