@@ -44,6 +44,23 @@ def test_command_skips_what_is_broken(two_sequences, tmp_path, capsys):
     assert {problem['sequence'] for problem in content['problems']} == {'Second', 'Third'}
 
 
+@pytest.mark.parametrize('more', [[], ['--no-cache'], ['--stress', 'rate'],
+                                  ['--no-cache', '--stress', 'rate']])
+def test_a_file_that_cannot_be_read_hides_no_other_sequence(two_sequences, tmp_path, more, capsys):
+    """A dangling link among the images is an error of that sequence alone."""
+    for number in range(1, 9):
+        path = two_sequences / 'Second' / 'img' / f'{number:05}.png'
+        path.unlink()
+        path.symlink_to(tmp_path / 'nowhere')
+    assert main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'dcf', '--jobs', '1',
+                 '--cache', str(tmp_path / 'cache'), '--json', str(tmp_path / 'a.json'),
+                 *more]) == 1
+    assert 'failed: Second: ' in (told := capsys.readouterr().err) and 'No such file' in told
+    content = json.loads((tmp_path / 'a.json').read_text())
+    assert content['sequences']['First']['dcf']['auc'] > 0
+    assert {problem['sequence'] for problem in content['problems']} == {'Second'}
+
+
 def test_means_over_fewer_targets_are_named(two_sequences, tmp_path, capsys, monkeypatch):
     """A tracker that fails on a target where another one doesn't isn't compared silently."""
     class Choosy(tracker_class('dcf')):

@@ -79,6 +79,16 @@ def test_broken_ones_are_reported_and_the_rest_is_found(tmp_path):
     assert 'no images' in broken['Empty']
 
 
+def test_a_wrong_truth_hides_no_other_target(tmp_path):
+    """Of a video's targets those with a good truth are found, and the others are named."""
+    folder = write_sequence(tmp_path / 'Trio', 3)
+    write_truth(folder, ['NaN,NaN,NaN,NaN'] + ['30,40,24,24'] * 2, 'groundtruth_rect.2.txt')
+    write_truth(folder, ['30,40,24,24'] * 3, 'groundtruth_rect.3.txt')
+    sequences, broken = find_sequences(tmp_path)
+    assert [sequence.name for sequence in sequences] == ['Trio', 'Trio.3']
+    assert set(broken) == {'Trio.2'} and 'first frame has no box' in broken['Trio.2']
+
+
 def test_one_folder_alone(tmp_path):
     """A sequence's own folder is read as that one sequence."""
     sequences, broken = find_sequences(write_sequence(tmp_path / 'Alone'))

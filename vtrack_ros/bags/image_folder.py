@@ -32,10 +32,13 @@ def read_image(path: Path) -> Frame:
     """
     Return an image file as a frame of shape (H, W, 3) in BGR order, grey ones too.
 
-    It's rotated upright where the file has an EXIF orientation. SequenceError if it can't be
-    decoded.
+    It's rotated upright where the file has an EXIF orientation. SequenceError if it can't be read
+    or decoded.
     """
-    data = np.fromfile(path, np.uint8)
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise SequenceError(f'{path}: {error.strerror or error}') from None
     image = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if image is None:
         raise SequenceError(f'{path}: not an image that can be decoded')

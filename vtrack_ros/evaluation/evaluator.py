@@ -64,11 +64,17 @@ def evaluate(trackers: Iterable[str | TrackerSpecification],
     found = uniquely_named(sequences)
     results = Results(found, chosen, numbers)
     results.problems.extend(Problem(name, '', text) for name, text in broken.items())
-    fingerprints = {} if cache is None else {one.name: one.fingerprint() for one in found}
+    fingerprints: dict[str, str] = {}
+    for sequence in found if cache is not None else ():
+        try:
+            fingerprints[sequence.name] = sequence.fingerprint()
+        except (OSError, SequenceError) as error:
+            results.problems.append(Problem(sequence.name, '', str(error)))
     sources = {} if cache is None else {one.label: tracker_source(one) for one in chosen}
     keys: dict[tuple[str, str, int], str] = {}
     tasks, done = [], 0
-    for sequence, tracker in product(found, chosen):
+    usable = [one for one in found if cache is None or one.name in fingerprints]
+    for sequence, tracker in product(usable, chosen):
         left = []
         for seed in numbers[:1] if tracker.deterministic else numbers:
             run = None

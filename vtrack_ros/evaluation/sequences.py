@@ -65,7 +65,11 @@ class Sequence(ABC):
 
     @abstractmethod
     def fingerprint(self) -> str:
-        """Return a hash of all that the frames and the truth are made from."""
+        """
+        Return a hash of all that the frames and the truth are made from.
+
+        OSError or SequenceError if a part of that can't be read.
+        """
 
 
 @dataclass(frozen=True)
@@ -103,21 +107,32 @@ def read_folder(folder: Path) -> list[FolderSequence]:
     target in the same video, named NAME.2, and so on. SequenceError if images or truth are
     missing, don't fit each other or can't be understood.
     """
+    sequences, broken = _targets(folder)
+    for text in broken.values():
+        raise SequenceError(text)
+    return sequences
+
+
+def _targets(folder: Path) -> tuple[list[FolderSequence], dict[str, str]]:
+    """Return the sequences of one folder, and target -> error message for the unusable ones."""
     images = image_files(folder)
     files = ground_truth_files(folder)
     if not files:
         raise SequenceError(f'{folder}: no {GROUND_TRUTH}.txt')
-    result = []
-    # `.` has no name to Path, and stress depends on the name
-    name = os.path.basename(os.path.abspath(folder))
+    result, broken = [], {}
     for path in files:
-        suffix = path.name.removeprefix(GROUND_TRUTH).removesuffix('.txt')
-        truth = truth_rows(read_ground_truth(path))
-        if len(truth) != len(images):
-            raise SequenceError(
-                f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
-        result.append(FolderSequence(name + suffix, truth, images))
-    return result
+        # `.` has no name to Path, and stress depends on the name
+        name = (os.path.basename(os.path.abspath(folder))
+                + path.name.removeprefix(GROUND_TRUTH).removesuffix('.txt'))
+        try:
+            truth = truth_rows(read_ground_truth(path))
+            if len(truth) != len(images):
+                raise SequenceError(
+                    f'{path}: {len(truth)} boxes, but {len(images)} images in {images[0].parent}')
+            result.append(FolderSequence(name, truth, images))
+        except SequenceError as error:
+            broken[name] = str(error)
+    return result, broken
 
 
 @dataclass(frozen=True)
@@ -235,8 +250,8 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
     """
     Return the sequences of a folder of sequence folders, or of one such, sorted by folder name.
 
-    Also returns folder name -> error message for those that can't be used; SequenceError if `root`
-    isn't a folder, or nothing in it looks like a sequence.
+    Also returns name -> error message for the folders and targets that can't be used;
+    SequenceError if `root` isn't a folder, or nothing in it looks like a sequence.
     """
     if not root.is_dir():
         raise SequenceError(f'{root}: no such folder')
@@ -249,9 +264,12 @@ def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:
     broken = {}
     for folder in folders:
         try:
-            sequences.extend(read_folder(folder))
-        except SequenceError as error:
+            targets, unusable = _targets(folder)
+        except (OSError, SequenceError) as error:
             broken[folder.name] = str(error)
+        else:
+            sequences.extend(targets)
+            broken.update(unusable)
     return sequences, broken
 
 
@@ -270,4 +288,5 @@ def uniquely_named(sequences: Iterable[Sequence]) -> list[Sequence]:
 
 
 def _like_a_sequence(folder: Path) -> bool:
-    return (folder / 'img').is_dir() or bool(ground_truth_files(folder))
+    # os.path's is false in a folder that may not be searched, where Path's is an error
+    return os.path.isdir(folder / 'img') or bool(ground_truth_files(folder))

@@ -124,9 +124,9 @@ def stressed_sequences(sequences: Ordered[Sequence], kinds: Ordered[str], seed: 
     for sequence in sequences:
         try:
             size = frame_size(sequence)
-        except SequenceError:
+            content = sequence.fingerprint() if with_content else ''
+        except (OSError, SequenceError):
             continue
-        content = sequence.fingerprint() if with_content else ''
         made.extend(stressed_sequence(sequence, kind, severity, seed, size, content)
                     for kind in kinds if STRESS_KINDS[kind].plan is not None
                     for severity in STRESS_KINDS[kind].severities)
