@@ -5,9 +5,12 @@ import re
 
 import cv2
 from evaluation_material import boxes_run, write_sequence, write_truth
+from matplotlib.textpath import TextPath
 import numpy as np
+import pytest
 
 from vtrack_ros.evaluation import evaluate
+from vtrack_ros.evaluation.charts import bar_chart
 from vtrack_ros.evaluation.report import html_page, worst_frames
 from vtrack_ros.evaluation.results import Problem
 
@@ -72,6 +75,25 @@ def test_a_line_of_pixels_has_a_picture(tmp_path):
     write_truth(folder, ['900,0,40,1'] * 4)
     page = Page(html_page(evaluate(['dcf'], tmp_path, seeds=1, jobs=0)))
     assert any(one.startswith('data:image/jpeg') for one in page.references)
+
+
+@pytest.mark.parametrize('name', [
+    'Toy', 'rosbag2_2026_11_30-10_22_31', '$1_$2', 'a_{b$c$', 'first' + 9 * '_recording' + '_1'])
+@pytest.mark.filterwarnings('error::UserWarning')
+def test_names_in_a_chart(name):
+    """They are whole, a recorder's own one and what looks like mathematics; or both ends are."""
+    chart = bar_chart({name: {'pf': (0.5, 0.1)}}, {'pf': '#123456'})
+    [[right, shown]] = re.findall(r' x="([\d.]+)"[^>]*>([^<]*)</text>', chart[:chart.index(
+        '<title>')].replace('\n', ' '))[-1:]
+    assert shown == name or len(name) > 90 and re.fullmatch('first_.{10,20}….*g_1', shown)
+    assert float(right) >= TextPath((0, 0), shown.replace('$', 'S'), size=11).get_extents().width
+    assert f'<title>{name}, pf: 0.500</title>' in chart
+
+
+@pytest.mark.filterwarnings('error::UserWarning')
+def test_a_name_in_another_script():
+    """It's drawn by the page's font; that the chart's own one lacks it is no warning."""
+    assert '>行人<' in bar_chart({'行人': {'pf': (0.5, 0.1)}}, {'pf': '#123456'})
 
 
 def test_worst_frames():

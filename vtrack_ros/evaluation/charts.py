@@ -6,6 +6,7 @@ from io import StringIO
 import math
 import re
 from typing import Any
+import warnings
 
 from matplotlib import rc_context
 from matplotlib.colors import hsv_to_rgb, TABLEAU_COLORS, to_hex
@@ -15,10 +16,16 @@ from vtrack_ros.frame import Array
 
 _STYLE: Any = {
     'svg.fonttype': 'none', 'svg.hashsalt': 'vtrack', 'font.size': 11, 'axes.facecolor': 'none',
+    # a name with two $ isn't mathematics
+    'text.parse_math': False,
     'axes.spines.top': False, 'axes.spines.right': False, 'axes.edgecolor': '#808a96',
     'xtick.color': '#808a96', 'ytick.color': '#808a96', 'axes.labelcolor': '#808a96',
     'text.color': '#808a96', 'grid.color': '#9aa4b055', 'axes.axisbelow': True,
     'lines.linewidth': 1.8, 'lines.solid_joinstyle': 'round'}
+#: Width of a character, [px]: a digit's in the widest usual font.
+_CHARACTER = 7
+#: Longest name in a chart of bars, in characters; the middle of a longer one is left out.
+_LONGEST_NAME = 44
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,10 @@ def bar_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]],
     with rc_context(_STYLE):
         gap = 1.1
         length = sum(map(len, rows.values())) + gap * len(rows)
-        figure, axes = _axes(width, round(11 * length) + 30, (120, 24, 50, 4))
+        names = [name if len(name) <= _LONGEST_NAME else f'{name[:21]}…{name[-22:]}'
+                 for name in rows]
+        left = max(120, 8 + _CHARACTER * max(map(len, names), default=0))
+        figure, axes = _axes(width, round(11 * length) + 30, (left, 24, 50, 4))
         y, places = 0.0, []
         for group, bars in rows.items():
             places.append(y + (len(bars) - 1) / 2)
@@ -94,7 +104,7 @@ def bar_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]],
                     axes.text(value + spread + 0.005, y, f'{value:.2f}', fontsize=9, va='center')
                 y += 1
             y += gap
-        axes.set_yticks(places, list(rows))
+        axes.set_yticks(places, names)
         axes.tick_params(axis='y', length=0)
         axes.set_xlim(0, 1)
         axes.set_ylim(length - 0.5, -0.6)
@@ -114,7 +124,10 @@ def _axes(width: int, height: int, margins: tuple[int, int, int, int]) -> tuple[
 def svg(figure: Figure) -> str:
     """Return a figure as an SVG element; a group with the gid `tip:TEXT` has TEXT as tooltip."""
     file = StringIO()
-    figure.savefig(file, format='svg', metadata={'Date': None})
+    with warnings.catch_warnings():
+        # the page's font draws the text, not the one that lacks a letter
+        warnings.filterwarnings('ignore', 'Glyph .* missing from')
+        figure.savefig(file, format='svg', metadata={'Date': None})
     text = file.getvalue()
     text = re.sub(r'<metadata>.*?</metadata>', '', text[text.index('<svg'):], flags=re.S)
     text = re.sub(r'(\d)pt"', r'\1"', text, count=2)
