@@ -1,5 +1,6 @@
 """The command `vtrack evaluate`: its table and files, and what it says when something is wrong."""
 
+from dataclasses import replace
 import json
 import os
 import shutil
@@ -8,9 +9,12 @@ import sys
 from evaluation_material import write_truth
 import pytest
 
+from vtrack_ros.cli import evaluate_command
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.evaluation import tracker_specification
 from vtrack_ros.evaluation.scoring import FIGURES
+from vtrack_ros.evaluation.sequences import read_folder
+from vtrack_ros.scenes import scene_names
 from vtrack_ros.trackers import tracker_class
 
 
@@ -61,6 +65,23 @@ def test_a_file_that_cannot_be_read_hides_no_other_sequence(two_sequences, tmp_p
     assert {problem['sequence'] for problem in content['problems']} == {'Second'}
 
 
+def test_names_that_are_not_utf8(two_sequences, tmp_path, capsys):
+    """Tables, JSON and page have them with their other bytes as numbers, also under stress."""
+    for name, place in ((b'M\xfcller', 'First'), (b'Torn \xe9', 'Second')):
+        (two_sequences / place).rename(two_sequences / os.fsdecode(name))
+    write_truth(two_sequences / os.fsdecode(b'Torn \xe9'), ['none'])
+    code = main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'dcf', '--jobs', '1',
+                 '--cache', str(tmp_path / 'cache'), '--json', str(tmp_path / 'a.json'),
+                 '--html', str(tmp_path / 'a.html'), '--stress', 'rate'])
+    output = capsys.readouterr()
+    assert code == 1, output.err
+    assert 'M\\xfcller' in output.out
+    content = json.loads((tmp_path / 'a.json').read_text())
+    assert list(content['sequences']) == ['M\\xfcller']
+    assert [one['sequence'] for one in content['problems']] == ['Torn \\xe9']
+    assert 'M\\xfcller' in (tmp_path / 'a.html').read_text()
+
+
 def test_means_over_fewer_targets_are_named(two_sequences, tmp_path, capsys, monkeypatch):
     """A tracker that fails on a target where another one doesn't isn't compared silently."""
     class Choosy(tracker_class('dcf')):
@@ -89,6 +110,8 @@ def test_means_over_fewer_targets_are_named(two_sequences, tmp_path, capsys, mon
     (['--sequences', 'nowhere'], 'no such folder'),
     (['--bags', 'nowhere'], 'no such bag'),
     (['--scenes', 'nowhere'], 'unknown scene'),
+    (['--scenes', 'nowhere,all'], 'unknown scene'),
+    (['--scenes', ','], 'no sequences given'),
     (['--sequences', '.', '--trackers', 'nobody'], 'unknown tracker'),
     (['--sequences', '.', '--seeds', '0'], 'an integer'),
     (['--sequences', '.', '--json', 'nowhere/a.json'], 'no folder'),
@@ -97,6 +120,23 @@ def test_wrong_arguments(arguments, message, capsys):
     """Wrong arguments end with 2 and say what is wrong."""
     assert main(['evaluate', *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('text, names', [
+    ('football, ,face_fast,football,', ['football', 'face_fast']),
+    ('all,football', scene_names())])
+def test_lists_of_scenes(two_sequences, monkeypatch, text, names):
+    """Each scene is taken once; `all` is every one; empty names are left out."""
+    taken = []
+
+    def short(name):
+        taken.append(name)
+        return replace(read_folder(two_sequences / 'Second')[0], name=name)
+
+    monkeypatch.setattr(evaluate_command, 'scene_sequence', short)
+    assert main(['evaluate', '--scenes', text, '--trackers', 'dcf', '--jobs', '1',
+                 '--no-cache']) == 0
+    assert sorted(taken) == sorted(names)
 
 
 def test_relative_paths_on_workers_elsewhere(two_sequences, repository, monkeypatch, capsys):

@@ -1,5 +1,6 @@
-"""Names of files that OpenCV can open."""
+"""Names of files that OpenCV can open, and that can be printed."""
 
+import os
 from pathlib import Path
 
 
@@ -10,3 +11,8 @@ def is_utf8(path: Path | str) -> bool:
     except UnicodeEncodeError:
         return False
     return True
+
+
+def printable(text: str) -> str:
+    r"""Return a text with names of files, whose bytes that aren't UTF-8 become such as `\xfc`."""
+    return os.fsencode(text).decode(errors='backslashreplace')

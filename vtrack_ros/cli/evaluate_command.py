@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 import sys
 from typing import Any
@@ -143,7 +144,10 @@ def _workers(arguments: argparse.Namespace) -> Iterator[None]:
 
 
 def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Problem]]:
-    if arguments.sequences is None and not arguments.bags and not arguments.scenes:
+    names = filter(None, (name.strip() for name in (arguments.scenes or '').split(',')))
+    scenes = dict.fromkeys(chain.from_iterable(
+        scene_names() if name == 'all' else (name,) for name in names))
+    if arguments.sequences is None and not arguments.bags and not scenes:
         raise ValueError('no sequences given: use --sequences DIR, --bags PATH or --scenes NAME')
     found: list[Sequence] = []
     broken: dict[str, str] = {}
@@ -159,9 +163,7 @@ def _sequences(arguments: argparse.Namespace) -> tuple[list[Sequence], list[Prob
             found.append(bag)
         except SequenceError as error:
             broken[str(path)] = str(error)
-    if arguments.scenes:
-        names = scene_names() if arguments.scenes == 'all' else arguments.scenes.split(',')
-        found.extend(scene_sequence(name.strip()) for name in names)
+    found.extend(map(scene_sequence, scenes))
     return uniquely_named(found), [Problem(name, '', text) for name, text in broken.items()]
 
 

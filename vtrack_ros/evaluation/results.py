@@ -9,6 +9,7 @@ from vtrack_ros.evaluation.scoring import (
     confidences, over_seeds, over_sequences, score, with_index)
 from vtrack_ros.evaluation.sequences import Sequence
 from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
+from vtrack_ros.file_names import printable
 
 #: Figures by key, with `KEY_std` for each.
 Scores = dict[str, float]
@@ -21,6 +22,11 @@ class Problem:
     sequence: str
     tracker: str
     text: str
+
+    def __post_init__(self) -> None:
+        """Make names that aren't UTF-8 printable."""
+        for name, text in tuple(self.__dict__.items()):
+            object.__setattr__(self, name, printable(text))
 
     def __str__(self) -> str:
         """Return it as one line."""

@@ -13,6 +13,7 @@ from vtrack_ros.bags import BagReader, SequenceError
 from vtrack_ros.bags.image_folder import (
     GROUND_TRUTH, ground_truth_files, image_files, read_ground_truth, read_image)
 from vtrack_ros.evaluation.metrics import truth_rows
+from vtrack_ros.file_names import printable
 from vtrack_ros.frame import Array, Frame
 from vtrack_ros.geometry import Box
 from vtrack_ros.scenes import render
@@ -122,8 +123,8 @@ def _targets(folder: Path) -> tuple[list[FolderSequence], dict[str, str]]:
     result, broken = [], {}
     for path in files:
         # `.` has no name to Path, and stress depends on the name
-        name = (os.path.basename(os.path.abspath(folder))
-                + path.name.removeprefix(GROUND_TRUTH).removesuffix('.txt'))
+        name = printable(os.path.basename(os.path.abspath(folder))
+                         + path.name.removeprefix(GROUND_TRUTH).removesuffix('.txt'))
         try:
             truth = truth_rows(read_ground_truth(path))
             if len(truth) != len(images):
@@ -208,7 +209,7 @@ def read_bag(path: str | Path, topic: str | None = None) -> BagSequence:
     intervals = [1.0, *(estimator.steps(after - before)
                         for before, after in zip(stamps, stamps[1:]))]
     place = path.resolve()
-    return BagSequence(place.name if place.is_dir() else place.stem,
+    return BagSequence(printable(place.name if place.is_dir() else place.stem),
                        truth_rows(boxes[stamp] for stamp in stamps), path, name, first,
                        np.array(intervals), notice)
 
