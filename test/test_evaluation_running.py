@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 
+import cv2
 from evaluation_material import (
     DeadlySequence, picture, SignedSequence, truth_of, untimed, write_sequence)
 import numpy as np
@@ -86,6 +87,15 @@ def test_death_of_a_process_is_reported(two_sequences):
     assert [problem.sequence for problem in results.problems] == ['Deadly']
     assert 'died' in results.problems[0].text
     assert results.summary == {}
+
+
+def test_an_image_of_another_size_is_named(tmp_path):
+    """The error says which frame it is, and what is wrong with it."""
+    path = write_sequence(tmp_path / 'Sizes', 6) / 'img' / '00004.png'
+    cv2.imwrite(str(path), picture(3)[:100])
+    [problem] = evaluate(['dcf'], tmp_path, jobs=0).problems
+    assert problem.text.endswith('Sizes: frame 3 is 160 x 100 pixels, but the first is '
+                                 '160 x 120: all must have the same size')
 
 
 def test_seeds_differ_and_their_spread_is_reported(two_sequences):

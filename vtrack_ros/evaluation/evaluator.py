@@ -12,7 +12,7 @@ from vtrack_ros.evaluation.cache import run_key, RunCache, tracker_source
 from vtrack_ros.evaluation.results import Problem, Results
 from vtrack_ros.evaluation.runner import one_thread, Run, run_tracker
 from vtrack_ros.evaluation.sequences import find_sequences, Sequence, uniquely_named
-from vtrack_ros.evaluation.stress import StressedSequence
+from vtrack_ros.evaluation.stress import of_one_size, StressedSequence
 from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
 from vtrack_ros.frame import Frame
 
@@ -166,7 +166,8 @@ def _frames(sequence: Sequence, evaluation: str) -> Iterable[Frame]:
     for key in _kept.keys() - {(evaluation, one.video) for one in (original, sequence)}:
         del _kept[key]
     if not isinstance(sequence, StressedSequence):
-        return _made(sequence, evaluation, sequence.frames)
+        return _made(sequence, evaluation,
+                     lambda: of_one_size(sequence.name, sequence.frames()))
     stressed = sequence.made_of
     return _made(sequence, evaluation, lambda: stressed(
         _made(original, evaluation, original.frames)))

@@ -71,8 +71,9 @@ class StressedSequence(Sequence):
         plan, rng = self._plan()
         kept = set(plan.kept.tolist())
         last = int(plan.kept[-1])
-        return plan.frames((self._of_one_size(index, frame) for index, frame in zip(
-            range(last + 1), frames) if index in kept), rng)
+        checked = of_one_size(self.original.name, frames, self.size)
+        return plan.frames((frame for index, frame in zip(range(last + 1), checked)
+                            if index in kept), rng)
 
     def fingerprint(self) -> str:
         """Return a hash of the original, of the stress and of the source code that makes it."""
@@ -80,14 +81,6 @@ class StressedSequence(Sequence):
                  f'{self.severity:g}', str(self.seed),
                  source_hash('vtrack_ros.evaluation.stress_kinds'))
         return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
-
-    def _of_one_size(self, index: int, frame: Frame) -> Frame:
-        height, width = frame.shape[:2]
-        if (width, height) != self.size:
-            raise SequenceError(
-                f'{self.original.name}: frame {index} is {width} x {height} pixels, but the first '
-                f'is {self.size[0]} x {self.size[1]}: all must have the same size')
-        return frame
 
     def _plan(self) -> tuple[StressPlan, np.random.Generator]:
         return _planned(self.original, self.kind, self.severity, self.seed, self.size)
@@ -97,6 +90,18 @@ def frame_size(sequence: Sequence) -> tuple[int, int]:
     """Return width and height of a sequence's first frame; SequenceError if it can't be read."""
     height, width = next(iter(sequence.frames())).shape[:2]
     return width, height
+
+
+def of_one_size(name: str, frames: Iterable[Frame],
+                size: tuple[int, int] | None = None) -> Iterator[Frame]:
+    """Yield a sequence's frames; SequenceError at one that hasn't the first one's size."""
+    for index, frame in enumerate(frames):
+        height, width = frame.shape[:2]
+        size = size or (width, height)
+        if (width, height) != size:
+            raise SequenceError(f'{name}: frame {index} is {width} x {height} pixels, but the '
+                                f'first is {size[0]} x {size[1]}: all must have the same size')
+        yield frame
 
 
 def stressed_sequence(sequence: Sequence, kind: str, severity: float, seed: int = 0,
