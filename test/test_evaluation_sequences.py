@@ -27,6 +27,14 @@ def test_folder(tmp_path):
     assert sequence.first_box == Box(*truth_of(0))
 
 
+def test_hidden_files_are_no_images(tmp_path):
+    """A Mac writes `._00001.png` beside an image on a disk of another system."""
+    folder = write_sequence(tmp_path / 'Square')
+    (folder / 'img' / '._00001.png').write_bytes(b'attributes')
+    [sequence] = read_folder(folder)
+    assert [path.name for path in sequence.images[:2]] == ['00001.png', '00002.png']
+
+
 @pytest.mark.parametrize('inside, path', [('', '.'), ('img', '..'), ('img', '../../Square')])
 def test_a_relative_folder_has_its_own_name(tmp_path, monkeypatch, inside, path):
     """A target is named as its folder, however the folder's path is written."""

@@ -18,11 +18,16 @@ _IMAGE_SUFFIXES = frozenset({'.jpg', '.jpeg', '.png', '.bmp', '.tif', '.tiff', '
 
 
 def image_files(folder: Path) -> tuple[Path, ...]:
-    """Return the images in img/ or the folder itself, 2.png before 10.png; else SequenceError."""
+    """
+    Return the images in img/ or the folder itself, 2.png before 10.png; SequenceError if none.
+
+    Hidden files are left out, such as the `._2.png` that a Mac writes beside 2.png.
+    """
     for place in (folder / 'img', folder):
         if place.is_dir():
             files = sorted((path for path in place.iterdir()
-                            if path.suffix.lower() in _IMAGE_SUFFIXES), key=by_number)
+                            if path.suffix.lower() in _IMAGE_SUFFIXES
+                            and not path.name.startswith('.')), key=by_number)
             if files:
                 return tuple(files)
     raise SequenceError(f'{folder}: no images, neither in img/ nor in the folder itself')
