@@ -193,6 +193,23 @@ def test_stamps_that_go_backwards(face):
     assert boxes[:12] == boxes[12:]
 
 
+def test_a_clock_that_is_set_back(tmp_path, face, capsys):
+    """The target is given up, as by the node, and that is said; what was tracked isn't lost."""
+    images, truth = face
+    with BagWriter(tmp_path / 'bag') as writer:
+        for index, image in enumerate(images[:14]):
+            stamp = image.stamp + index * 10**9 - (3 * 10**9 if index >= 10 else 0)
+            writer.write('/image', messages.image(image.frame, stamp, 'eye'), image.stamp)
+    box = ','.join(map(str, truth[images[0].stamp].as_array()))
+    assert main(['replay', str(tmp_path / 'bag'), '--tracker', 'dcf', '--init', box, '--json',
+                 '--out', str(tmp_path / 'out'), '--no-video']) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)['frames'] == 14
+    states = [row['state'] for row in rows_of(tmp_path / 'out')]
+    assert 'waiting' not in states[:10] and states[10:] == ['waiting'] * 4
+    assert f'no target from stamp {images[10].stamp + 7 * 10**9} ns on' in printed.err
+
+
 def test_late_image(face):
     """An image with a stamp before the last one's is skipped, and the target is kept."""
     images, truth = face

@@ -42,13 +42,14 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
     `session` has no target yet; `truth` holds the true boxes by stamp in nanoseconds, None where
     the target is absent. The tracker starts on `box` in the first image, and again where stamps go
     backwards because a stream begins again; by default it starts on the first true box.
-    BagError if there's neither, or the tracker can't start on the box.
+    Where they go back because a clock was set back, it needs another true box, as a target must be
+    selected anew then. BagError if it never starts, or the tracker can't start on the box.
 
     An image is late, as in the node, if a later one came before it, or if its stamp is a minute
     further on than its recording. It's left out, and its stamp is appended to `late`.
     """
     flow = FrameFlow()
-    waiting = True
+    waiting, started = True, False
     now = 0
     before: int | None = None
     for image in images:
@@ -79,7 +80,7 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
             estimate = session.update(image.frame, image.stamp)
         taken = (time.perf_counter() - began) * 1e3
         yield Step(image, estimate, taken, first is not None, session.motion())
-        waiting = waiting and first is None
-    if waiting and flow.received:
+        waiting, started = waiting and first is None, started or first is not None
+    if flow.received and not started:
         raise BagError('none of the images has a ground-truth box: give the target with '
                        '--init X,Y,WIDTH,HEIGHT')

@@ -72,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
     malformed: list[str] = []
     late: list[int] = []
+    gone: int | None = None
     with ExitStack() as stack:
         stack.enter_context(one_thread())
         bag = stack.enter_context(BagReader(arguments.bag))
@@ -86,9 +87,14 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
             results = stack.enter_context(ResultFolder(arguments.out, arguments.bag))
             if not arguments.no_video:
                 film = stack.enter_context(Film(results.place, bag.rate(topic.name), topic.count))
-        score = StreamScore(truth)
+        score, tracked = StreamScore(truth), False
         for step in with_progress(steps, topic.count):
             score.add_step(step)
+            if step.estimate is not None:
+                gone = None
+                tracked = True
+            elif tracked and gone is None:
+                gone = step.image.stamp
             if results is not None:
                 results.write(step)
             if film is not None:
@@ -101,6 +107,10 @@ def _follow(arguments: argparse.Namespace, session: TrackingSession) -> int:
     if late:
         print(f'vtrack replay: late images skipped: {len(late)} (stamped before, or far after, '
               f'the previous one); the first is stamped {late[0]} ns', file=sys.stderr)
+    if gone is not None:
+        print(f'vtrack replay: no target from stamp {gone} ns on: the stamps go back there, as of '
+              'a clock that was set back, or the images change in size or between colour and '
+              'grey, and the target would have to be selected anew', file=sys.stderr)
     figures = score.figures()
     figures['frames_malformed'] = len(malformed)
     figures['frames_late'] = len(late)
