@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 import gc
+from importlib.machinery import EXTENSION_SUFFIXES
 import json
 import weakref
 
@@ -91,6 +92,28 @@ def test_source_of_a_tracker():
     assert source_hash('vtrack_ros.tracker') != source_hash('vtrack_ros.parameters')
     with pytest.raises(ModuleNotFoundError, match='vtrack_ros.nowhere'):
         source_files('vtrack_ros.nowhere')
+
+
+def test_source_of_another_package_s_tracker(tmp_path, monkeypatch):
+    """It may have compiled modules, be in a namespace, and import what isn't always there."""
+    package = tmp_path / 'company_of_trackers' / 'inner'
+    package.mkdir(parents=True)
+    (package / 'mine.py').write_text(
+        'from company_of_trackers import inner\n'
+        'from company_of_trackers.inner import helper\n'
+        'from company_of_trackers.inner._core import step\n'
+        'try:\n    from ._version import version\nexcept ImportError:\n    pass\n')
+    (package / 'helper.py').write_text('import company_of_trackers.inner.mine')
+    compiled = package / f'_core{EXTENSION_SUFFIXES[0]}'
+    compiled.write_bytes(b'\x7fELF')
+    monkeypatch.syspath_prepend(tmp_path)
+    name = 'company_of_trackers.inner.mine'
+    assert source_files(name) == {
+        name: package / 'mine.py', 'company_of_trackers.inner.helper': package / 'helper.py',
+        'company_of_trackers.inner._core': compiled}
+    before = source_hash(name)
+    compiled.write_bytes(b'\x7fELF 2')
+    assert source_hash(name) != before
 
 
 def test_pictures_that_changed_are_read_again(two_sequences):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 import hashlib
+from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec, resolve_name
 import json
 import os
@@ -107,7 +108,11 @@ def source_hash(*modules: str) -> str:
 
 
 def source_files(*modules: str) -> dict[str, Path]:
-    """Return module -> file that `source_hash` reads; ModuleNotFoundError for an unknown one."""
+    """
+    Return module -> file that `source_hash` reads; ModuleNotFoundError if one given has none.
+
+    Imports without a file are left out: namespace packages, and what need not be installed.
+    """
     found: dict[str, Path] = {}
     waiting = list(modules)
     # The source of another package's tracker is in that package and in this one.
@@ -118,10 +123,13 @@ def source_files(*modules: str) -> dict[str, Path]:
             continue
         path = _module_file(name)
         if path is None:
-            raise ModuleNotFoundError(f'no module named {name!r}', name=name)
+            if name in modules:
+                raise ModuleNotFoundError(f'no module named {name!r}', name=name)
+            continue
         found[name] = path
         package = name if path.name == '__init__.py' else name.rpartition('.')[0]
-        waiting.extend(_imports(path.read_bytes(), package, packages))
+        if path.suffix == '.py':
+            waiting.extend(_imports(path.read_bytes(), package, packages))
     return found
 
 
@@ -144,21 +152,23 @@ def _imports(source: bytes, package: str, packages: frozenset[str]) -> tuple[str
 
 def _module_file(name: str) -> Path | None:
     package, *parts = name.split('.')
-    place = _place(package)
-    if place is None:
-        return None
-    place = place.joinpath(*parts)
-    files = (place / '__init__.py', place.with_suffix('.py'))
-    return next((path for path in files if path.is_file()), None)
+    for place in _places(package):
+        place = place.joinpath(*parts)
+        for path in (place / '__init__.py', *(
+                place.with_name(place.name + suffix) for suffix in ('.py', *EXTENSION_SUFFIXES))):
+            if path.is_file():
+                return path
+    return None
 
 
 @lru_cache
-def _place(package: str) -> Path | None:
-    """Return the folder of a package, or a module's file without its suffix."""
+def _places(package: str) -> tuple[Path, ...]:
+    """Return the folder of a package, several of a namespace's, or a module without its suffix."""
     if package == _PACKAGE:
-        return _ROOT
+        return (_ROOT,)
     spec = find_spec(package)
+    if spec is not None and spec.submodule_search_locations is not None:
+        return tuple(map(Path, spec.submodule_search_locations))
     if spec is None or not spec.has_location or spec.origin is None:
-        return None
-    origin = Path(spec.origin)
-    return origin.parent if origin.name == '__init__.py' else origin.with_suffix('')
+        return ()
+    return (Path(spec.origin).parent / package,)
