@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from vtrack_ros.cli.command_line import main
-from vtrack_ros.evaluation import evaluate, parse_tracker
+from vtrack_ros.evaluation import evaluate, parse_tracker, tracker_specification
 from vtrack_ros.evaluation.results import Results
 from vtrack_ros.evaluation.sequences import read_folder
 from vtrack_ros.evaluation.stress_results import evaluate_stress, StressResults
 from vtrack_ros.evaluation.stress_table import stress_json
+from vtrack_ros.trackers import tracker_class
 
 
 @pytest.fixture(scope='module')
@@ -129,8 +130,34 @@ def test_broken_sequence_is_skipped(square, tmp_path):
     assert stress.auc('rate', 'dcf')[1] > 0
 
 
+def test_means_over_fewer_targets_are_named(square, tmp_path, capsys, monkeypatch):
+    """A tracker that fails on a target only under stress isn't compared silently."""
+    class Choosy(tracker_class('dcf')):
+        """A tracker that accepts no target at the left of a small image."""
+
+        def _start(self, frame, box):
+            if frame.shape[0] < 50 and box.x < 8:
+                raise ValueError('too far to the left')
+            return super()._start(frame, box)
+
+    for name, left in (('First', 20), ('Second', 26)):
+        write_sequence(tmp_path / 'data' / name, 3, [f'{left},30,24,24'] * 3)
+    monkeypatch.setattr(tracker_specification, 'tracker_class',
+                        lambda name: Choosy if name == 'dcf' else tracker_class(name))
+    assert main(['evaluate', '--sequences', str(tmp_path / 'data'), '--trackers', 'pf,dcf',
+                 '--jobs', '1', '--no-cache', '--stress', 'resolution,particles',
+                 '--html', str(tmp_path / 'a.html')]) == 1
+    told = 'dcf: means over 1 of 2 targets; it failed on '
+    printed = capsys.readouterr().out
+    assert f'\nresolution 3: {told}First (resolution 3)\n' in printed
+    assert printed.count(told) == 1
+    assert f'resolution 3: {told}First' in (tmp_path / 'a.html').read_text()
+
+
 def test_wrong_kind(square, capsys):
-    """An unknown kind ends with 2, and the valid ones are listed."""
+    """An unknown kind ends with 2, or is a ValueError, and the valid ones are listed."""
+    with pytest.raises(ValueError, match="unknown kind of stress 'rain'"):
+        evaluate_stress(['dcf'], [square], ['rain'], jobs=0)
     folder = str(square.images[0].parent.parent)
     assert main(['evaluate', '--sequences', folder, '--stress', 'rain']) == 2
     assert "unknown kind of stress 'rain'; valid are all, rate, gaps" in capsys.readouterr().err

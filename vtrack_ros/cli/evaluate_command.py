@@ -20,7 +20,8 @@ from vtrack_ros.evaluation.sequences import (
     find_sequences, read_bag, scene_sequence, Sequence, uniquely_named)
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.stress_results import evaluate_stress
-from vtrack_ros.evaluation.stress_table import influence_table, stress_json, stress_table
+from vtrack_ros.evaluation.stress_table import (
+    fewer_under_stress, influence_table, stress_json, stress_table)
 from vtrack_ros.evaluation.table import fewer_targets, sequence_table, summary_table
 from vtrack_ros.evaluation.tracker_specification import parse_trackers
 from vtrack_ros.scenes import scene_names
@@ -101,7 +102,8 @@ def run(arguments: argparse.Namespace) -> int:
     if results.summary:
         _print(results)
         if stress is not None:
-            print(f'\n{stress_table(stress)}\n\n{influence_table(stress)}')
+            print('\n'.join(['', stress_table(stress), *fewer_under_stress(stress), '',
+                             influence_table(stress)]))
     if arguments.json:
         write_json(results, arguments.json,
                    {} if stress is None else {'stress': stress_json(stress)})

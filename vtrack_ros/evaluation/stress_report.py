@@ -8,7 +8,7 @@ import numpy as np
 from vtrack_ros.evaluation.charts import Curve, line_chart
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
 from vtrack_ros.evaluation.stress_results import APART, REFERENCE, StressResults
-from vtrack_ros.evaluation.stress_table import influence_rows
+from vtrack_ros.evaluation.stress_table import fewer_under_stress, influence_rows
 from vtrack_ros.evaluation.table import number_text
 
 
@@ -32,5 +32,6 @@ def stress_section(stress: StressResults, colors: Mapping[str, str]) -> dict[str
         'charts': [{'name': kind, 'description': STRESS_KINDS[kind].description,
                     'chart': stress_chart(stress, kind, colors)} for kind in stress.kinds],
         'means': {tracker: number_text(stress.means[tracker], 'auc') for tracker in colors},
+        'fewer': fewer_under_stress(stress),
         'reference': REFERENCE, 'apart': f'{100 * APART:.0f} %',
         'influence': {'head': head, 'rows': rows}}

@@ -15,7 +15,7 @@ from vtrack_ros.evaluation.results import Results
 from vtrack_ros.evaluation.scoring import mean
 from vtrack_ros.evaluation.sequences import Sequence, uniquely_named
 from vtrack_ros.evaluation.stress import stressed_sequences
-from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
+from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS, stress_kinds
 from vtrack_ros.evaluation.tracker_specification import specifications, TrackerSpecification
 
 #: The tracker without a filter, with which the others are compared.
@@ -109,7 +109,7 @@ def evaluate_stress(trackers: Iterable[str | TrackerSpecification], sequences: I
     chosen = specifications(trackers)
     if REFERENCE not in (tracker.label for tracker in chosen):
         chosen.extend(specifications([REFERENCE]))
-    found, names = uniquely_named(sequences), tuple(kinds)
+    found, names = uniquely_named(sequences), stress_kinds(','.join(kinds))
     numbers = seeds if isinstance(seeds, int) else tuple(seeds)
     made = stressed_sequences(found, names, stress_seed, with_content=cache is not None)
     run = evaluate(chosen, [*found, *made], numbers, jobs, progress, cache)

@@ -6,7 +6,7 @@ from typing import Any
 
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
 from vtrack_ros.evaluation.stress_results import REFERENCE, StressResults
-from vtrack_ros.evaluation.table import aligned, number_text
+from vtrack_ros.evaluation.table import aligned, fewer_targets, number_text
 
 
 def stress_table(stress: StressResults) -> str:
@@ -19,6 +19,14 @@ def stress_table(stress: StressResults) -> str:
     values['mean over kinds'] = [stress.means[tracker] for tracker in trackers]
     return aligned([['AUC under stress', *trackers], *(
         [name, *(number_text(value, 'auc') for value in row)] for name, row in values.items())])
+
+
+def fewer_under_stress(stress: StressResults) -> list[str]:
+    """Return `fewer_targets` of each severity, but for what is so without stress, too."""
+    without = fewer_targets(stress.plain)
+    return [f'{kind} {severity:g}: {line}' for (kind, severity), level in stress.levels.items()
+            for line in fewer_targets(level)
+            if line.replace(f' ({kind} {severity:g})', '') not in without]
 
 
 def influence_table(stress: StressResults) -> str:
