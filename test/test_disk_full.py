@@ -60,3 +60,11 @@ def test_bag(tmp_path, storage):
             for number in range(20):
                 writer.write_frame(image, 10**9 + number)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('option', ['--json', '--html'])
+def test_evaluation(two_sequences, capsys, option):
+    """The file that can't be written is named."""
+    assert main(['evaluate', '--sequences', str(two_sequences), '--trackers', 'dcf', '--jobs', '1',
+                 '--no-cache', option, '/dev/full']) == 2
+    assert "can't write /dev/full: No space left" in capsys.readouterr().err

@@ -9,6 +9,7 @@ import sys
 from typing import Any
 
 from vtrack_ros.bags import SequenceError
+from vtrack_ros.bags.errors import writing
 from vtrack_ros.cli.arguments import positive_integer, seed
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.progress import ProgressBar
@@ -105,10 +106,13 @@ def run(arguments: argparse.Namespace) -> int:
             print('\n'.join(['', stress_table(stress), *fewer_under_stress(stress), '',
                              influence_table(stress)]))
     if arguments.json:
-        write_json(results, arguments.json,
-                   {} if stress is None else {'stress': stress_json(stress)})
+        with writing(arguments.json):
+            write_json(results, arguments.json,
+                       {} if stress is None else {'stress': stress_json(stress)})
     if arguments.html:
-        arguments.html.write_text(html_page(results, stress), encoding='utf-8')
+        page = html_page(results, stress)
+        with writing(arguments.html):
+            arguments.html.write_text(page, encoding='utf-8')
         print(f'see {arguments.html}')
     return 1 if results.problems else 0
 
