@@ -17,7 +17,7 @@ from vtrack_ros.geometry import Box
 
 @contextmanager
 def camera(scene):
-    """Send ten images per second of a target at rest; yield an event that hides it."""
+    """Send ten images per second of a target at rest; yield the client, and an event that hides it."""
     hidden, done = Event(), Event()
 
     def send():
@@ -32,7 +32,7 @@ def camera(scene):
         thread = Thread(target=send)
         thread.start()
         try:
-            yield hidden
+            yield client, hidden
         finally:
             done.set()
             thread.join()
@@ -52,7 +52,7 @@ def test_in_a_browser(tmp_path):
     """Drag, track, change the tracker, reset, click, lose; drag with a finger on a phone."""
     box = Scene().box(0)
 
-    async def run(address, hidden):
+    async def run(address, client, hidden):
         async with open_page(address, tmp_path) as page:
             await page.until('document.readyState == "complete" && header != null')
             await page.until("$('state').textContent == 'waiting' "
@@ -76,6 +76,8 @@ def test_in_a_browser(tmp_path):
                              ".find(one => one.ariaLabel == 'abmspf.particles'); "
                              'one.value = 0.2; one.oninput(); one.onchange(); })()')
             await page.until("$('told').textContent == 'abmspf.particles is 81'")
+            assert client.change(abmspf__particles=70)[0].successful
+            await page.until("document.querySelector('[name=\"abmspf.particles\"]').value == 70")
             await page.value('(() => { const one = document.querySelector('
                              "'[name=history_seconds]'); one.value = ''; one.onchange(); })()")
             await page.until("$('told').className == 'wrong' "
@@ -114,5 +116,5 @@ def test_in_a_browser(tmp_path):
                 resting=(await on_page(page, (5, 115)))[0])
             await page.until("header.box && $('state').textContent == 'tracking'")
             assert Box(*await page.value('header.box')).iou(box) > 0.7
-    with NodeProcess(), serving() as address, camera(Scene()) as hidden:
-        asyncio.run(run(address, hidden))
+    with NodeProcess(), serving() as address, camera(Scene()) as sent:
+        asyncio.run(run(address, *sent))

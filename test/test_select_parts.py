@@ -91,7 +91,7 @@ def observed():
     executor, shown = SingleThreadedExecutor(context=context), []
     for node in (tracker, watcher):
         executor.add_node(node)
-    observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print)
+    observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print, print)
     observer.watched = True
     try:
         yield tracker, observer, executor, shown
@@ -202,7 +202,7 @@ def test_it_closes_between_callbacks(monkeypatch):
     monkeypatch.setattr(threading, 'excepthook', raised.append)
 
     async def main():
-        link = TrackerLink('/nobody', lambda: None, lambda text: None)
+        link = TrackerLink('/nobody', lambda: None, print, print)
         await asyncio.to_thread(begun.wait, PATIENCE)
         link.close()
     asyncio.run(main())
@@ -221,7 +221,7 @@ def test_a_recording_that_takes_long(monkeypatch, tmp_path):
 
     async def main():
         asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
-        link = TrackerLink('/nobody', lambda: None, lambda text: None)
+        link = TrackerLink('/nobody', lambda: None, print, print)
         try:
             with pytest.raises(TimeoutError, match=f'the disk of {tmp_path} is slow'):
                 await link.record(tmp_path)
@@ -246,8 +246,8 @@ def test_a_viewer_whose_request_is_not_answered_leaves(monkeypatch, capsys, capl
 
     class Link(TrackerLink):
 
-        def __init__(self, target, changed, said):
-            super().__init__(target, changed, said)
+        def __init__(self, target, changed, said, configured):
+            super().__init__(target, changed, said, configured)
             links.append(said)
 
         async def ask(self, *_, **__):
@@ -259,6 +259,7 @@ def test_a_viewer_whose_request_is_not_answered_leaves(monkeypatch, capsys, capl
         asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
         serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
         while not (output := capsys.readouterr().out):
+            assert not serving.done()
             await asyncio.sleep(0.01)
         async with viewer(output.split()[0]) as seen:
             await seen.ask(do='reset')
@@ -285,6 +286,7 @@ def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
     async def main():
         serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
         while not (output := capsys.readouterr().out):
+            assert not serving.done()
             await asyncio.sleep(0.01)
         async with viewer(output.split()[0]) as seen:
             assert (await seen.socket.receive(PATIENCE)).type is aiohttp.WSMsgType.CLOSED

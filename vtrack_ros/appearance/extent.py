@@ -95,7 +95,7 @@ def next_extent(frame: Frame, box: Box, larger: bool) -> Box:
     Return the most probable extent about a box's centre that is larger, or smaller, than the box.
 
     For a click that found a part of the target only, or what the target is a part of. The area
-    differs by a factor of at least 1.5; otherwise as `find_extent`.
+    differs by a factor of at least 1.5; ValueError if there's none; otherwise as `find_extent`.
     """
     height, width = frame.shape[:2]
     x, y = (min(max(place, 0.0), float(side)) for place, side in zip(box.center, (width, height)))

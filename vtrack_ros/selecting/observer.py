@@ -9,8 +9,10 @@ from typing import Any, TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
-from rcl_interfaces.msg import Log
+from rcl_interfaces.msg import Log, ParameterEvent
 from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import qos_profile_parameter_events
 from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import Detection2DArray
 
@@ -38,14 +40,16 @@ class Observer:
 
     Images are only received while `watched`, particles only while also `wanted`: the node makes
     none without a subscriber. Callbacks run in the executor's thread: `changed` is called there
-    when there's something new to show, `said` with each warning or error that the node logs.
+    when there's something new to show, `said` with each warning or error that the node logs,
+    `configured` with the values by name of parameters that anyone has set.
     """
 
     def __init__(self, node: Node, target: str, changed: Callable[[], None],
-                 said: Callable[[str], None]) -> None:
+                 said: Callable[[str], None],
+                 configured: Callable[[dict[str, Any]], None]) -> None:
         self._node = node
         self._target = target
-        self._changed, self._said = changed, said
+        self._changed, self._said, self._configured = changed, said, configured
         self._images: deque[Any] = deque(maxlen=_BUFFER_LENGTH)
         self._answers: deque[Any] = deque(maxlen=_BUFFER_LENGTH)
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
@@ -57,7 +61,10 @@ class Observer:
         self._recording: Recording | None = None
         self.watched = self.wanted = False
         self._inputs['state'] = Input(node, DiagnosticStatus, f'{target}/state', self._on_state)
-        self._rosout = node.create_subscription(Log, '/rosout', self._on_log, 10)
+        self._events = [
+            node.create_subscription(Log, '/rosout', self._on_log, 10),
+            node.create_subscription(ParameterEvent, '/parameter_events', self._on_parameters,
+                                     qos_profile_parameter_events)]
         self._timer = node.create_timer(0.5, self.look)
 
     def look(self) -> None:
@@ -144,7 +151,8 @@ class Observer:
         """Take everything down."""
         self.finish_recording()
         self._node.destroy_timer(self._timer)
-        self._node.destroy_subscription(self._rosout)
+        for events in self._events:
+            self._node.destroy_subscription(events)
         for one in self._inputs.values():
             one.destroy()
 
@@ -217,6 +225,11 @@ class Observer:
     def _on_log(self, message: Any) -> None:
         if message.name == self._target.strip('/').replace('/', '.') and message.level >= 30:
             self._said(str(message.msg))
+
+    def _on_parameters(self, message: Any) -> None:
+        if message.node == self._target:
+            self._configured({row.name: parameter_value_to_python(row.value)
+                              for row in message.changed_parameters})
 
 
 def _answered(images: Sequence[Any], answers: Sequence[Any]) -> tuple[Any, Any] | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from importlib.resources import files
 import json
@@ -43,8 +43,8 @@ class Viewer:
     The viewer sends JSON objects whose `do` is `shown`, `box` (stamp, x, y, width, height),
     `click` (stamp, x, y), `reset`, `reinit`, `larger`, `smaller`, `enable` (on), `particles` (on),
     `record` (on) or `set` (name, kind, value). It receives JSON objects whose `kind` is `picture`
-    (the JPEG follows as a binary message), `state` (while there's no picture), `parameters` or
-    `told` (a line to show).
+    (the JPEG follows as a binary message), `state` (while there's no picture), `parameters`,
+    `values` (of parameters that were set, by name) or `told` (a line to show).
 
     `asked` is called when `particles`, whether the viewer wants them, has changed.
     """
@@ -65,6 +65,10 @@ class Viewer:
     async def tell(self, text: str, wrong: bool = False) -> None:
         """Send a line of text for the viewer to show."""
         await self._socket.send_json({'kind': 'told', 'text': text, 'wrong': wrong})
+
+    async def show_values(self, values: dict[str, Any]) -> None:
+        """Send the new values of some parameters."""
+        await self._socket.send_json({'kind': 'values', 'values': values})
 
     async def send_pictures(self) -> None:
         """
@@ -180,17 +184,19 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
         for viewer in viewers:
             viewer.changed()
 
-    async def warn(viewer: Viewer, text: str) -> None:
-        # one that has gone may still wait for the answer to its request
+    async def sent(message: Awaitable[None]) -> None:
+        # a viewer that has gone may still wait for the answer to its request
         with suppress(ConnectionError):
-            await viewer.tell(text, wrong=True)
+            await message
 
-    def said(text: str) -> None:
+    def send(message: Callable[[Viewer], Awaitable[None]]) -> None:
         for viewer in viewers:
-            task = loop.create_task(warn(viewer, text))
+            task = loop.create_task(sent(message(viewer)))
             tasks.add(task)
             task.add_done_callback(tasks.discard)
-    link = TrackerLink(target, changed, said)
+    link = TrackerLink(target, changed,
+                       lambda text: send(lambda viewer: viewer.tell(text, wrong=True)),
+                       lambda values: send(lambda viewer: viewer.show_values(values)))
 
     def asked() -> None:
         link.want_particles(any(viewer.particles for viewer in viewers))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from concurrent.futures import Future
 from pathlib import Path
 import threading
@@ -40,8 +41,8 @@ class TrackerLink:
     loop that was running when it was made. `close` has to be called in the end.
     """
 
-    def __init__(self, target: str, changed: Callable[[], None],
-                 said: Callable[[str], None]) -> None:
+    def __init__(self, target: str, changed: Callable[[], None], said: Callable[[str], None],
+                 configured: Callable[[dict[str, Any]], None]) -> None:
         loop = asyncio.get_running_loop()
         self.target = target
         self._context = Context()
@@ -57,8 +58,8 @@ class TrackerLink:
         def later(call: Callable[..., None], *arguments: Any) -> None:
             if not loop.is_closed():
                 loop.call_soon_threadsafe(call, *arguments)
-        self._observer = Observer(self._node, target, lambda: later(changed),
-                                  lambda text: later(said, text))
+        self._observer = Observer(self._node, target, *(
+            partial(later, call) for call in (changed, said, configured)))
         self.picture = self._observer.picture
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

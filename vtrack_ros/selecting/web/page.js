@@ -40,6 +40,7 @@ function connect() {
     if (message.kind === 'state') tellState(message.state);
     if (message.kind === 'told') tell(message.text, message.wrong);
     if (message.kind === 'parameters') fill(message.rows);
+    if (message.kind === 'values') update(message.values);
   };
   socket.onclose = () => {
     $('state').textContent = 'no connection';
@@ -233,6 +234,17 @@ function fill(rows) {
     return set;
   }));
   showOwn();
+}
+
+// Shows values that were set here or elsewhere, but not over what is being typed.
+function update(values) {
+  for (const [name, value] of Object.entries(values)) {
+    const field = $('parameters').elements.namedItem(name);
+    if (!field || field === document.activeElement) continue;
+    if (field.type === 'checkbox') field.checked = value;
+    else field.value = value;
+    field.oninput?.();
+  }
 }
 
 // Shows the node's parameters and those of the tracker in use, hides other trackers'.
