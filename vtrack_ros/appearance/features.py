@@ -4,8 +4,6 @@ Features of a window's samples: oriented gradients and colour names.
 Every function's cost depends on the number of samples alone.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import cv2

@@ -1,7 +1,5 @@
 """A read-only view of a file with some bytes replaced or added, without copying or writing."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from collections.abc import Sequence
 import io

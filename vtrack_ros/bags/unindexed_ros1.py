@@ -7,8 +7,6 @@ chunk is followed by its index. At the end come all connections and a list of th
 position is in the first record. A recorder writes the length of a chunk when it closes it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from io import BytesIO

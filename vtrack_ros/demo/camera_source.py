@@ -1,7 +1,5 @@
 """`python -m vtrack_ros.demo.camera_source SOURCE`: a webcam's or a video's images on a topic."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 import signal

@@ -1,7 +1,5 @@
 """The demo with a camera: its images, the node and the page, each in a process of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 import time

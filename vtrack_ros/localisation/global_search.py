@@ -1,7 +1,5 @@
 """Global search: the whole frame is searched for a target that has long been unlike itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math

@@ -1,7 +1,5 @@
 """What a target's motion over the ground says of its presence."""
 
-from __future__ import annotations
-
 import math
 
 from vtrack_ros.appearance.image_motion import SparsePicture

@@ -1,7 +1,5 @@
 """The response to a target over a window, its maxima, and what a search finds among them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 import math

@@ -1,7 +1,5 @@
 """A survey of all image topics: subscribes to each for some seconds, and reports on it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 import time
 from typing import Any

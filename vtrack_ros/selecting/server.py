@@ -1,7 +1,5 @@
 """The page's server: sends pictures as fast as viewers take them, and handles their requests."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress

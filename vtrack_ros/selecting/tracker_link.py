@@ -1,7 +1,5 @@
 """The connection to a tracking node: its topics, services and parameters, for asyncio."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """The target's velocity: a Kalman filter on the boxes that any tracker measures."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 import math
