@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from vtrack_ros import __version__
-from vtrack_ros.evaluation.results import Results, Scores
+from vtrack_ros.evaluation.results import Results
 from vtrack_ros.evaluation.scoring import FIGURES
 
 
@@ -53,9 +53,9 @@ def as_json(results: Results) -> dict[str, Any]:
                     for figure in FIGURES},
         'trackers': {tracker.label: {'tracker': tracker.name, 'parameters': dict(
             tracker.parameters)} for tracker in results.trackers.values()},
-        'sequences': {sequence: {tracker: _plain(scores) for tracker, scores in row.items()}
+        'sequences': {sequence: {tracker: plain(scores) for tracker, scores in row.items()}
                       for sequence, row in results.by_sequence.items()},
-        'summary': {tracker: _plain(scores) for tracker, scores in results.summary.items()},
+        'summary': {tracker: plain(scores) for tracker, scores in results.summary.items()},
         'problems': [asdict(problem) for problem in results.problems],
     }
 
@@ -67,5 +67,6 @@ def write_json(results: Results, path: Path, more: Mapping[str, Any] | None = No
     path.write_text(text + '\n', encoding='utf-8')
 
 
-def _plain(scores: Scores) -> dict[str, float | None]:
+def plain(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Return figures by name, None in place of those that JSON has no number for."""
     return {key: value if math.isfinite(value) else None for key, value in scores.items()}

@@ -4,6 +4,7 @@ from dataclasses import asdict
 import math
 from typing import Any
 
+from vtrack_ros.evaluation.results_json import plain
 from vtrack_ros.evaluation.stress_kinds import STRESS_KINDS
 from vtrack_ros.evaluation.stress_results import REFERENCE, StressResults
 from vtrack_ros.evaluation.table import aligned, fewer_targets, number_text
@@ -45,22 +46,20 @@ def stress_json(stress: StressResults) -> dict[str, Any]:
     trackers = list(stress.plain.trackers)
     return {
         'seed': stress.seed,
-        'mean_auc': {tracker: _finite(stress.means[tracker]) for tracker in trackers},
+        'mean_auc': plain(stress.means),
         'kinds': {kind: {
             'description': STRESS_KINDS[kind].description,
             'unit': STRESS_KINDS[kind].unit,
             'severities': list(stress.of_kind(kind)),
-            'auc': {tracker: list(map(_finite, stress.auc(kind, tracker)))
-                    for tracker in trackers},
-            'changed': {tracker: _influence_json(stress, kind, tracker) for tracker in trackers
-                        if tracker != REFERENCE},
+            'auc': {tracker: [value if math.isfinite(value) else None
+                              for value in stress.auc(kind, tracker)] for tracker in trackers},
+            'changed': _influences(stress, kind),
         } for kind in stress.kinds},
-        'changed': {tracker: _influence_json(stress, None, tracker) for tracker in trackers
-                    if tracker != REFERENCE},
+        'changed': _influences(stress, None),
         # where no frame is changed, the sequences have their plain names
         'sequences': {
             f'{name} ({kind} {severity:g})' if STRESS_KINDS[kind].plan is None else name: {
-                tracker: _finite(scores['auc']) for tracker, scores in row.items()}
+                tracker: plain(scores)['auc'] for tracker, scores in row.items()}
             for (kind, severity), level in stress.levels.items()
             for name, row in level.by_sequence.items()},
     }
@@ -80,10 +79,6 @@ def influence_rows(stress: StressResults) -> list[list[str]]:
     return rows
 
 
-def _influence_json(stress: StressResults, kind: str | None, tracker: str) -> dict[str, Any]:
-    found = asdict(stress.influence(kind, tracker))
-    return {name: _finite(value) for name, value in found.items()}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _influences(stress: StressResults, kind: str | None) -> dict[str, Any]:
+    return {tracker: plain(asdict(stress.influence(kind, tracker)))
+            for tracker in stress.plain.trackers if tracker != REFERENCE}
