@@ -1,12 +1,10 @@
 """Drawing a tracker's output: box, truth, particles and trail, and contact sheets and videos."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Collection, Sequence
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -146,7 +144,7 @@ class Film:
         self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
         self._writer: Any = None
 
-    def __enter__(self) -> Film:
+    def __enter__(self) -> Self:
         """Return the film."""
         return self
 

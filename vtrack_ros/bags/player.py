@@ -1,14 +1,12 @@
 """Publishing a bag over ROS, at the pace at which it was recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 import queue
 from threading import TIMEOUT_MAX
 import time
-from typing import Any
+from typing import Any, Self
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
@@ -108,7 +106,7 @@ class Player:
                 self._images.add(topic.name)
         self.stop = stop or StopRequest()
 
-    def __enter__(self) -> Player:
+    def __enter__(self) -> Self:
         """Return the player."""
         return self
 

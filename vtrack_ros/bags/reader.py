@@ -1,7 +1,5 @@
 """Reading bags: rosbag2 in mcap and sqlite3, and ROS 1."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -10,7 +8,7 @@ from pathlib import Path
 import sqlite3
 from statistics import median
 import struct
-from typing import Any
+from typing import Any, Self
 
 from rosbags.interfaces import (
     Connection, ConnectionExtRosbag2, Qos, QosDurability, QosReliability)
@@ -79,7 +77,7 @@ class BagReader:
         self.notice: str | None = None
         self._readers: list[Storage]
 
-    def __enter__(self) -> BagReader:
+    def __enter__(self) -> Self:
         """Open the bag."""
         self._readers = []
         with ExitStack() as opened:

@@ -1,7 +1,5 @@
 """A replay's results on disk: table, bag and pictures; all replace earlier ones together."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 import csv
@@ -11,7 +9,7 @@ import os
 from pathlib import Path
 import shutil
 import tempfile
-from typing import Any
+from typing import Any, Self
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError, writing
@@ -44,7 +42,7 @@ class ResultFolder:
         self._path = path
         self._source = source
 
-    def __enter__(self) -> ResultFolder:
+    def __enter__(self) -> Self:
         """Check existing files, and open the new ones."""
         self._check()
         self._made = not self._path.exists()

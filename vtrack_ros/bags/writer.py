@@ -1,11 +1,9 @@
 """Writing bags that `ros2 bag play` can play as well."""
 
-from __future__ import annotations
-
 from pathlib import Path
 import shutil
 import tempfile
-from typing import Any
+from typing import Any, Self
 
 from rosbags.interfaces import (
     Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
@@ -52,7 +50,7 @@ class BagWriter:
         self._truth: dict[int, Box | None] = {}
         self._connections: dict[str, Connection] = {}
 
-    def __enter__(self) -> BagWriter:
+    def __enter__(self) -> Self:
         """Begin to write."""
         parent = self._path.absolute().parent
         try:

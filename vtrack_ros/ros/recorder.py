@@ -1,10 +1,8 @@
 """Records a tracking node's outputs for every frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 import time
-from typing import Any
+from typing import Any, Self
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
@@ -61,7 +59,7 @@ class Recorder:
         self.received = 0
         self._interrupted = False
 
-    def __enter__(self) -> Recorder:
+    def __enter__(self) -> Self:
         """Subscribe."""
         self._context = Context()
         # KeyboardInterrupt within the making of a message would come out as another exception.
