@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -99,31 +99,19 @@ class Parameter:
         return self.checked(value)
 
 
-class ParameterTable(Mapping[str, Parameter]):
-    """An ordered table of parameters by name."""
+class ParameterTable(dict[str, Parameter]):
+    """An ordered table of parameters by name; it's never changed in place."""
 
     def __init__(self, parameters: Iterable[Parameter]) -> None:
-        self._rows = {parameter.name: parameter for parameter in parameters}
-
-    def __getitem__(self, name: str) -> Parameter:
-        """Return the parameter of that name."""
-        return self._rows[name]
-
-    def __iter__(self) -> Iterator[str]:
-        """Iterate over the names, in the table's order."""
-        return iter(self._rows)
-
-    def __len__(self) -> int:
-        """Return the number of parameters."""
-        return len(self._rows)
+        super().__init__((parameter.name, parameter) for parameter in parameters)
 
     def __add__(self, other: ParameterTable) -> ParameterTable:
         """Return a table of both; a row of `other` replaces the row of the same name."""
-        return ParameterTable({**self._rows, **other._rows}.values())
+        return ParameterTable({**self, **other}.values())
 
     def defaults(self) -> dict[str, Value]:
         """Return name -> default."""
-        return {name: row.default for name, row in self._rows.items()}
+        return {name: row.default for name, row in self.items()}
 
     def checked(self, values: Mapping[str, Any], owner: str = '') -> dict[str, Value]:
         """
@@ -132,8 +120,8 @@ class ParameterTable(Mapping[str, Parameter]):
         An unknown name is a ValueError that lists the valid ones, and names the owner if given.
         """
         for name in values:
-            if name not in self._rows:
+            if name not in self:
                 whose = f' of {owner}' if owner else ''
                 raise ValueError(
-                    f'unknown parameter{whose}: {name!r}; valid are ' + ', '.join(self._rows))
-        return {name: self._rows[name].checked(value) for name, value in values.items()}
+                    f'unknown parameter{whose}: {name!r}; valid are ' + ', '.join(self))
+        return {name: self[name].checked(value) for name, value in values.items()}
