@@ -8,7 +8,7 @@ import pytest
 from vtrack_ros.geometry import affine
 from vtrack_ros.replicas.keypoint_memory import KeypointMemory
 from vtrack_ros.replicas.keypoints import (
-    keypoint_error, KeypointDetector, Keypoints, nearest, pose_change, PoseChange, similarity,
+    detected, keypoint_error, Keypoints, nearest, pose_change, PoseChange, similarity,
     sylvester_rotation)
 
 
@@ -106,9 +106,8 @@ def test_sift_finds_the_rotation_of_a_picture(enlargement):
     # OpenCV's angles are anticlockwise
     turning = cv2.getRotationMatrix2D((center[0] - 0.5, center[1] - 0.5), -12, 1.0)
     turned = cv2.warpAffine(image, turning, (size, size), borderMode=cv2.BORDER_REFLECT)
-    detector = KeypointDetector()
     window = (100.0 * enlargement, 100.0 * enlargement)
-    before, after = (detector.detect(picture, center, window) for picture in (image, turned))
+    before, after = (detected(picture, center, window) for picture in (image, turned))
     known, seen = nearest(before.descriptors, after.descriptors)
     change = pose_change(before.points[known], after.points[seen], 2.0 * enlargement,
                          np.random.default_rng(0))
@@ -119,10 +118,9 @@ def test_sift_finds_the_rotation_of_a_picture(enlargement):
 
 
 def test_a_plain_picture_has_no_keypoints_and_no_matches():
-    detector = KeypointDetector()
-    found = detector.detect(np.full((80, 80, 3), 90, np.uint8), (40.0, 40.0), (60.0, 60.0))
+    found = detected(np.full((80, 80, 3), 90, np.uint8), (40.0, 40.0), (60.0, 60.0))
     assert len(found.points) == 0
-    others = detector.detect(_texture(), (80.0, 80.0), (90.0, 90.0))
+    others = detected(_texture(), (80.0, 80.0), (90.0, 90.0))
     assert len(others.points) > 0
     for one, other in ((found, others), (others, found)):
         assert len(nearest(one.descriptors, other.descriptors)[0]) == 0

@@ -39,6 +39,7 @@ class FilterInfluence:
     gain: float
 
 
+@dataclass
 class StressResults:
     """
     The runs on the original sequences (`plain`), and under stress.
@@ -46,11 +47,9 @@ class StressResults:
     `levels` has the results of the same trackers by kind and severity, mildest first.
     """
 
-    def __init__(self, plain: Results, levels: dict[tuple[str, float], Results],
-                 seed: int) -> None:
-        self.plain = plain
-        self.levels = levels
-        self.seed = seed
+    plain: Results
+    levels: dict[tuple[str, float], Results]
+    seed: int
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from vtrack_ros.localisation.presence import logistic, state_after, unknown_cova
 from vtrack_ros.parameters import Parameter, ParameterTable
 from vtrack_ros.replicas.keypoint_memory import KeypointMemory
 from vtrack_ros.replicas.keypoints import (
-    keypoint_error, KeypointDetector, Keypoints, nearest, pose_change, PoseChange)
+    detected, keypoint_error, Keypoints, nearest, pose_change, PoseChange)
 from vtrack_ros.tracker import Estimate, Tracker
 
 #: Side of the window that keypoints are detected in, relative to the target's bound; and the pose
@@ -176,7 +176,6 @@ class AffineKeypointReplica(AffineParticleTracker):
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         self._as_printed = bool(self._parameters['as_printed'])
-        self._detector = KeypointDetector()
         self._meter: KeypointMemory | ConsecutiveKeypoints | None = None
         estimate = super()._start(frame, box)
         self._measured(frame)
@@ -192,7 +191,7 @@ class AffineKeypointReplica(AffineParticleTracker):
                            else KeypointMemory(self._size))
         x, y, width, height = affine.bounds(self._state, self._size)
         reach = _KEYPOINT_REACH * (1 + min(self._meter.uncertainty / _UNCERTAIN, 1.0))
-        seen = self._detector.detect(frame, (float(x), float(y)), (width, height), reach)
+        seen = detected(frame, (float(x), float(y)), (width, height), reach)
         return self._meter.measure(seen, self._state, self._rng)
 
     def _settled(self) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vtrack_ros.appearance.sampling import PixelWindow
-from vtrack_ros.frame import Array, Array32, Frame
+from vtrack_ros.frame import Array, Array32, Frame, Point
 from vtrack_ros.geometry import affine
 
 #: Largest mean side of the window that keypoints are detected in, and of the target, in samples.
@@ -52,29 +52,23 @@ class PoseChange:
     weights: Array
 
 
-class KeypointDetector:
-    """SIFT keypoints [Lowe 2004] of a window."""
-
-    def __init__(self) -> None:
-        self._sift = cv2.SIFT.create(nfeatures=_KEYPOINTS, contrastThreshold=0.02)
-
-    def detect(self, frame: Frame, center: tuple[float, float], target: tuple[float, float],
-               reach: float = 1.0) -> Keypoints:
-        """Return the keypoints of a window `reach` times as large as the target, in pixels."""
-        size = reach * target[0], reach * target[1]
-        side = min(_RESOLUTION, reach * _TARGET)
-        shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
-        columns, rows = (max(8, round(length * shrink)) for length in size)
-        whole = PixelWindow.about(center, size)
-        window = whole.sampled(frame, rows, columns)
-        if window.ndim == 3:
-            window = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY)
-        found, descriptors = self._sift.detectAndCompute(window, None)
-        if descriptors is None:
-            return Keypoints(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
-        pixels = np.array([keypoint.pt for keypoint in found])
-        offset = (pixels + 0.5) / (columns, rows) - 0.5
-        return Keypoints(whole.center + offset * (whole.width, whole.height), descriptors)
+def detected(frame: Frame, center: Point, target: Point, reach: float = 1.0) -> Keypoints:
+    """Return SIFT keypoints [Lowe 2004] of a window `reach` times as large as a target, [px]."""
+    size = reach * target[0], reach * target[1]
+    side = min(_RESOLUTION, reach * _TARGET)
+    shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
+    columns, rows = (max(8, round(length * shrink)) for length in size)
+    whole = PixelWindow.about(center, size)
+    window = whole.sampled(frame, rows, columns)
+    if window.ndim == 3:
+        window = cv2.cvtColor(window, cv2.COLOR_BGR2GRAY)
+    sift = cv2.SIFT.create(nfeatures=_KEYPOINTS, contrastThreshold=0.02)
+    found, descriptors = sift.detectAndCompute(window, None)
+    if descriptors is None:
+        return Keypoints(np.zeros((0, 2)), np.zeros((0, 128), np.float32))
+    pixels = np.array([keypoint.pt for keypoint in found])
+    offset = (pixels + 0.5) / (columns, rows) - 0.5
+    return Keypoints(whole.center + offset * (whole.width, whole.height), descriptors)
 
 
 def nearest(known: Array32, seen: Array32) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
