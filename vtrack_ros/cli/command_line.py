@@ -53,7 +53,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     # As in the node: on a busy machine, threads that wait for one another take far longer.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     if '_ARGCOMPLETE' in os.environ:
-        _complete(os.environ.get('COMP_LINE', ''))
+        # print the completions of a line for the shell, and exit
+        import argcomplete
+        argcomplete.autocomplete(command_parser(
+            ''.join(os.environ.get('COMP_LINE', '').split()[1:2])))
     try:
         code = _run(words)
         sys.stdout.flush()
@@ -122,12 +125,6 @@ def command_parser(called: str) -> Parser:
             command.epilog = module.EXAMPLES
             command.set_defaults(run=module.run)
     return parser
-
-
-def _complete(line: str) -> None:
-    """Print the completions of a line for the shell, and exit; see the package argcomplete."""
-    import argcomplete
-    argcomplete.autocomplete(command_parser(''.join(line.split()[1:2])))
 
 
 def negative_values(words: Sequence[str]) -> list[str]:

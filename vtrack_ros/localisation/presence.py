@@ -221,7 +221,7 @@ class PresenceDetector:
             recognised = _averaged(self._recognised, recognised)
         self.appearance_odds, self._recognised = latest, recognised
         self._log_odds = recognised + (0.0 if elsewhere else support)
-        doubt = self._doubt
+        doubt = min(math.log(self._missed / _LOST_FRAMES), _MOST_DOUBT) if self.doubts else 0.0
         if self._log_odds >= (doubt + _RECOGNISED if doubt else _SEEN):
             self._missed, doubt = 0, 0.0
         self._log_odds -= doubt
@@ -234,11 +234,6 @@ class PresenceDetector:
     def is_sure(self, similarity: float, sharpness: float) -> bool:
         """Tell whether the evidence, with these values for the next frame, exceeds `_SURE`."""
         return _averaged(self.appearance_odds, evidence(similarity, sharpness)) > _SURE
-
-    @property
-    def _doubt(self) -> float:
-        """Return what is subtracted from the log-odds after a long absence; 0 otherwise."""
-        return min(math.log(self._missed / _LOST_FRAMES), _MOST_DOUBT) if self.doubts else 0.0
 
     def _falls(self, similarity: float, dt: float, elsewhere: bool) -> bool:
         """Tell whether the similarity has fallen abruptly, and not recovered since."""

@@ -81,7 +81,9 @@ class AffineParticleFilter(LocalisedTracker):
         before = localiser.angle
         found = self._search.search(frame, dt)
         # the particles turn by the rotation that was measured from the target's points
-        self._turn(localiser.angle - before)
+        if turn := localiser.angle - before:
+            self._state[:2, :2] = affine.rotation(np.asarray(turn)) @ self._state[:2, :2]
+            particles.turn(turn)
         found = self._turned(frame, found)
         weights = self._weigh(frame, dt, found)
         self._state = particles.mean(weights)
@@ -99,12 +101,6 @@ class AffineParticleFilter(LocalisedTracker):
         estimate = self._estimate(weights)
         particles.resample(weights, count)
         return estimate
-
-    def _turn(self, angle: float) -> None:
-        """Turn state and particles by an angle, [rad]."""
-        if angle:
-            self._state[:2, :2] = affine.rotation(np.asarray(angle)) @ self._state[:2, :2]
-            self._particles.turn(angle)
 
     def _turned(self, frame: Frame, found: Found) -> Found:
         """Return the place found, or that in a window with the particles' rotation, if better."""
