@@ -1,6 +1,6 @@
 """The likelihood of affine frames: colour, and the subspace of patches."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,19 +10,6 @@ from vtrack_ros.frame import Array, Array32, Frame
 
 #: Width of the robust error norm: residual, of grey in [0, 1], at which a pixel counts half.
 _ROBUST_WIDTH = 0.1
-
-
-@dataclass(frozen=True)
-class Widths:
-    """
-    Standard deviations of the likelihood's terms; an infinite one drops its term.
-
-    `colour` is that of the Bhattacharyya distance of colour histograms, `subspace` that of the
-    square root of the subspace's robust error.
-    """
-
-    colour: float
-    subspace: float
 
 
 class AffineLikelihood:
@@ -47,14 +34,19 @@ class AffineLikelihood:
             self._colours = np.sqrt(histogram / max(histogram.sum(), 1e-12))
         self._fresh: list[Array32] = []
 
-    def log_likelihood(self, frame: Frame, states: Array, widths: Widths) -> Array:
-        """Return the log-likelihood of affine frames (N, 3, 3), up to a constant; shape (N,)."""
+    def log_likelihood(self, frame: Frame, states: Array, colour: float, subspace: float) -> Array:
+        """
+        Return the log-likelihood of affine frames (N, 3, 3), up to a constant; shape (N,).
+
+        `colour` is the standard deviation of the Bhattacharyya distance of colour histograms,
+        `subspace` that of the square root of the subspace's robust error; inf drops the term.
+        """
         patches = AffinePatches(frame, states, self.size, self.side)
         result = self.subspace.robust_error(patches.grey(), _ROBUST_WIDTH).astype(np.float64)
-        result /= -2 * widths.subspace**2
+        result /= -2 * subspace**2
         if self._colours is not None:
             similarity = np.sqrt(patches.colours()) @ self._colours
-            result -= (1 - similarity) / (2 * widths.colour**2)
+            result -= (1 - similarity) / (2 * colour**2)
         return result
 
     def patch(self, frame: Frame, state: Array) -> Array32:

@@ -42,8 +42,8 @@ class Source:
     path: Path
     images: tuple[Path, ...]
     truth: tuple[Truth, ...] | None
-    rate: float | None = None
-    announced: int | None = None
+    rate: float | None
+    announced: int | None
 
     @property
     def count(self) -> int | None:

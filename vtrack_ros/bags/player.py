@@ -1,7 +1,7 @@
 """Publishing a bag over ROS, at the pace at which it was recorded."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 import queue
 from threading import TIMEOUT_MAX
@@ -45,7 +45,7 @@ class Pace:
 class Played:
     """What was published: messages by topic, images among them, and the time it took [s]."""
 
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int]
     images: int = 0
     seconds: float = 0.0
 

@@ -20,8 +20,8 @@ class Topic:
     name: str
     message_type: str
     count: int
-    reliable: bool = True
-    transient_local: bool = False
+    reliable: bool
+    transient_local: bool
 
 
 def absolute(name: str) -> str:

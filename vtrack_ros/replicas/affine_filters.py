@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths
+from vtrack_ros.appearance.affine_likelihood import AffineLikelihood
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import (
     AffineParticles, GroupParticles, VectorParticles)
@@ -58,7 +58,7 @@ class AffineParticleTracker(Tracker):
     def _configure(self) -> None:
         values = self._parameters
         self._sigmas = np.array([float(values[name]) for name in AFFINE_NOISES])
-        self._widths = Widths(
+        self._widths = (
             float(values.get('colour_sigma', np.inf)), float(values['subspace_sigma']))
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
@@ -79,7 +79,7 @@ class AffineParticleTracker(Tracker):
         particles.propose(
             dt, self._sigmas, float(values.get('ar', 0.0)),
             None if change is None else change.matrix, float(values.get('keypoint_share', 0.0)))
-        logs = self._likelihood.log_likelihood(frame, particles.states, self._widths)
+        logs = self._likelihood.log_likelihood(frame, particles.states, *self._widths)
         if change is not None:
             width = float(values['keypoint_sigma']) * float(affine.scale(self._state))
             logs -= keypoint_error(particles.states, self._state, change) / (2 * width**2)

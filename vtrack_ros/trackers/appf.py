@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vtrack_ros.appearance.affine_likelihood import AffineLikelihood, Widths
+from vtrack_ros.appearance.affine_likelihood import AffineLikelihood
 from vtrack_ros.estimation import spread_about
 from vtrack_ros.estimation.affine_particles import GroupParticles
 from vtrack_ros.frame import Array, Frame
@@ -61,7 +61,7 @@ class AffineParticleFilter(LocalisedTracker):
     def _configure(self) -> None:
         values = self._parameters
         self._sigmas = np.array([float(values[name]) for name in AFFINE_NOISES])
-        self._widths = Widths(float(values['colour_sigma']), float(values['subspace_sigma']))
+        self._widths = float(values['colour_sigma']), float(values['subspace_sigma'])
 
     def _start(self, frame: Frame, box: Box) -> Estimate:
         side = float(np.sqrt(box.area))
@@ -120,7 +120,7 @@ class AffineParticleFilter(LocalisedTracker):
         values, particles = self._parameters, self._particles
         particles.propose(dt, self._sigmas, float(values['ar']))
         particles.gather(np.array(found.place), float(values['response_share']))
-        logs = self._likelihood.log_likelihood(frame, particles.states, self._widths)
+        logs = self._likelihood.log_likelihood(frame, particles.states, *self._widths)
         logs *= _TEMPERED
         if not found.hidden:
             # while a distractor hides the target, the response doesn't measure its place
