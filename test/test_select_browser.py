@@ -17,7 +17,7 @@ from vtrack_ros.geometry import Box
 
 @contextmanager
 def camera(scene):
-    """Send ten images per second of a target at rest; yield the client, and an event that hides it."""
+    """Send ten images per second of a target at rest; yield the client, and what hides it."""
     hidden, done = Event(), Event()
 
     def send():

@@ -91,7 +91,8 @@ def observed():
     executor, shown = SingleThreadedExecutor(context=context), []
     for node in (tracker, watcher):
         executor.add_node(node)
-    observer = Observer(watcher, '/tracker', lambda: shown.append(observer.picture()), print, print)
+    observer = Observer(
+        watcher, '/tracker', lambda: shown.append(observer.picture()), print, print)
     observer.watched = True
     try:
         yield tracker, observer, executor, shown

@@ -2,8 +2,8 @@
 
 import asyncio
 from collections.abc import Callable
-from functools import partial
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 import threading
 from typing import Any
