@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
+import recorded_bags  # noqa: E402
 from recorded_bags import (  # noqa: E402
-    COUNT, FIRST, frames, read_all, recorded, ros1_bag, STEP, SUFFIX)
+    COUNT, FIRST, frames, mcap_records, read_all, recorded, ros1_bag, STEP, SUFFIX)
 from rosbags.rosbag2 import CompressionMode  # noqa: E402
 
 from vtrack_ros.bags import BagError, BagReader  # noqa: E402
@@ -68,6 +69,30 @@ def test_split_over_files(tmp_path, storage):
     (path / more).unlink()
     with pytest.raises(BagError, match=f'missing.*{more}'):
         read_all(path)
+
+
+@pytest.mark.parametrize('with_metadata', [False, True])
+@pytest.mark.parametrize('in_chunk', [0, 3])
+def test_mcap_without_an_index(tmp_path, monkeypatch, in_chunk, with_metadata):
+    """
+    The preset `fastwrite` writes no chunks: messages are sorted by reception all the same.
+
+    Those of several topics are often written in another order.
+    """
+    monkeypatch.setattr(recorded_bags, 'TOPICS', ('/image',))
+    path = recorded(tmp_path / 'bag', 'mcap')
+    data, sent = mcap_records([1, 0, 3, 2, 4, 5, 8, 7, 6, 9, 11, 10], in_chunk)
+    file = path / 'bag.mcap'
+    file.write_bytes(data)
+    with BagReader(path if with_metadata else file) as bag:
+        assert bag.notice is None
+        read = [(raw.topic, raw.received, bytes(raw.data)) for raw in bag.raw()]
+    assert read == sorted((message for message, _ in sent), key=lambda message: message[1])
+    # a whole file is a promise: a broken last message isn't the end of a recording
+    place = sent[-1][1] - len(sent[-1][0][2]) - 30
+    file.write_bytes(data[:place] + bytes([255] * 4) + data[place + 4:])
+    with pytest.raises(BagError, match='broken'):
+        read_all(path if with_metadata else file)
 
 
 @pytest.mark.parametrize('recorded', ['/camera/image', 'camera/image'])

@@ -4,10 +4,11 @@ from pathlib import Path
 
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2.storage_mcap import McapReader
 
 from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.image_folder import by_number
-from vtrack_ros.bags.unindexed_mcap import unindexed_mcap
+from vtrack_ros.bags.unindexed_mcap import indexed_mcap, unindexed_mcap
 from vtrack_ros.bags.unindexed_ros1 import unindexed_ros1
 
 #: rosbags' reader of a folder with metadata, or of a file.
@@ -55,7 +56,20 @@ def open_storage(path: Path) -> tuple[Storage, str]:
         reader = Ros2Reader(path)
         missing = 'end' if log.is_file() and log.stat().st_size else ''
     reader.open()
+    if isinstance(reader, Ros2Reader) and not missing:
+        for storage in getattr(reader.storage, 'storages', [reader.storage]):
+            if isinstance(storage, McapReader):
+                _index(storage)
     return reader, missing
+
+
+def _index(storage: McapReader) -> None:
+    """Open a storage anew, with an index of its messages, if it has none."""
+    if not any(chunk.channel_count for chunk in storage.chunks):
+        path = Path(str(storage.path))
+        storage.close()
+        storage.path = indexed_mcap(path)
+        storage.open()
 
 
 def _files_in(folder: Path) -> list[Path]:

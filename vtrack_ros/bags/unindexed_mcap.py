@@ -1,5 +1,6 @@
 """
-MCAP files whose recorder died: complete records, but neither a summary nor an end.
+MCAP files without an index of their messages: those whose recorder died, which have complete
+records, but neither a summary nor an end; and whole ones that were written without chunks or index.
 
 See the MCAP specification, https://mcap.dev/spec: a file is a sequence of records between two
 magic marks; each begins with its kind (one byte) and its length (eight bytes). Messages are in
@@ -46,6 +47,18 @@ def unindexed_mcap(path: Path) -> FileView | None:
         return None if file.read() == _MARK else FileView(path, _Summarised(file, size).pieces)
 
 
+def indexed_mcap(path: Path) -> FileView:
+    """
+    Return a view of a whole file with all messages in chunks, and an index of them.
+
+    Without these rosbags reads messages only if they're in order, or not at all. If a part of the
+    file is broken, ValueError, or whatever decompression raises.
+    """
+    with path.open('rb') as file:
+        size = file.seek(0, os.SEEK_END)
+        return FileView(path, _Summarised(file, size, whole=True).pieces)
+
+
 @dataclass
 class _Content:
     """Contents of records: definitions by (kind, id), message counts by channel, time range."""
@@ -75,9 +88,9 @@ class _Content:
 
 
 class _Summarised:
-    """The `pieces` of the view: those of a file without an end, and the end that's added."""
+    """The `pieces` of the view: those of a file up to its end, if any, and the end that's added."""
 
-    def __init__(self, file: BinaryIO, size: int) -> None:
+    def __init__(self, file: BinaryIO, size: int, whole: bool = False) -> None:
         self.pieces: list[Piece] = []
         self._length = 0        # of the pieces, in bytes
         self._taken = 0         # bytes of the file that are in pieces
@@ -102,11 +115,16 @@ class _Summarised:
                     self._note_chunk(file, start, end)
                 except Exception as error:
                     # Decompression may raise anything. Only the last chunk may be incomplete.
+                    if whole:
+                        raise
                     broken = error
                     continue
             self._keep(end)
         if broken is None:
             self._gather(end)
+        file.seek(end)
+        if whole and file.read(1) not in (bytes([_FOOTER]), bytes([_DATA_END])):
+            raise ValueError('a record is longer than the file')
         self.pieces.append(self._end())
 
     def _keep(self, end: int) -> None:
