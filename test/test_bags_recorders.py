@@ -1,5 +1,7 @@
 """What recorders write: ROS 1, compressed, and split over files."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,12 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 import recorded_bags  # noqa: E402
 from recorded_bags import (  # noqa: E402
     COUNT, FIRST, frames, mcap_records, read_all, recorded, ros1_bag, STEP, SUFFIX)
+from rosbags.convert.converter import default_message  # noqa: E402
+from rosbags.rosbag1 import Writer as Ros1Writer  # noqa: E402
 from rosbags.rosbag2 import CompressionMode  # noqa: E402
+from rosbags.typesys import get_typestore, Stores  # noqa: E402
 
-from vtrack_ros.bags import BagError, BagReader  # noqa: E402
+from vtrack_ros.bags import BagError, BagReader, messages  # noqa: E402
 
 
 @pytest.mark.parametrize('compressed', [False, True])
@@ -22,6 +27,49 @@ def test_ros1(tmp_path, compressed):
     assert all(np.array_equal(image.frame, sent) for image, sent in zip(images, frames()))
     with BagReader(tmp_path / 'one.bag') as bag:
         assert {raw.topic for raw in bag.raw()} == {'/camera'}
+
+
+def bag_of_a_robot(path):
+    """Write a ROS 1 bag of an image, a latched and an unlatched topic, and an older Range."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types = {'/image': messages.IMAGE, '/robot_description': 'std_msgs/msg/String',
+             '/odometer': 'std_msgs/msg/Int32', '/sonar': 'sensor_msgs/msg/Range'}
+    with Ros1Writer(path) as writer:
+        for topic, kind in types.items():
+            connection = writer.add_connection(
+                topic, kind, typestore=store, latching=int(topic == '/robot_description'))
+            message = default_message(store, kind)
+            if kind == messages.IMAGE:
+                message.height, message.width, message.step, message.encoding = 1, 1, 1, 'mono8'
+                message.data = np.zeros(1, np.uint8)
+            writer.write(connection, FIRST, store.serialize_ros1(message, kind))
+    return path
+
+
+def test_ros1_types_that_have_changed(tmp_path):
+    """A type with other fields in ROS 2 doesn't make the whole bag unreadable; it's left out."""
+    with BagReader(bag_of_a_robot(tmp_path / 'robot.bag')) as bag:
+        assert [name for name, topic in bag.topics.items() if not topic.convertible] == ['/sonar']
+        assert {raw.topic for raw in bag.raw()} == {'/image', '/robot_description', '/odometer'}
+        assert len(list(bag.frames())) == 1
+
+
+def test_ros1_latched(tmp_path):
+    """A topic that was latched reaches late subscribers, who don't match others in ROS 2."""
+    with BagReader(bag_of_a_robot(tmp_path / 'robot.bag')) as bag:
+        assert {name for name, topic in bag.topics.items() if topic.transient_local} == {
+            '/robot_description'}
+
+
+def test_ros1_types_that_have_changed_are_told(tmp_path):
+    """The player says which topics it can't play, and why."""
+    pytest.importorskip('rclpy', reason='needs rclpy')
+    from vtrack_ros.bags.player import Player
+    with BagReader(bag_of_a_robot(tmp_path / 'robot.bag')) as bag:
+        player = Player(Mock(), bag)
+    assert [topic.name for topic in player.topics] == ['/image', '/robot_description', '/odometer']
+    assert player.skipped == [
+        '/sonar: sensor_msgs/msg/Range of ROS 1 has other fields than that of ROS 2']
 
 
 @pytest.mark.parametrize('chunks', ['BZ2', 'LZ4'])

@@ -226,7 +226,11 @@ class Player:
                 self.skipped.append(f'{topic.name}: {kind} needs the package '
                                     f'{kind.partition("/")[0]}, which is not installed')
             else:
-                playable.append(topic)
+                if topic.convertible:
+                    playable.append(topic)
+                else:
+                    self.skipped.append(f'{topic.name}: {topic.message_type} of ROS 1 has other '
+                                        'fields than that of ROS 2')
         if not playable:
             raise BagError(f'{self._bag.path}: nothing to play; ' + '; '.join(self.skipped))
         return playable

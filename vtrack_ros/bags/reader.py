@@ -11,7 +11,7 @@ import struct
 from typing import Any, Self
 
 from rosbags.interfaces import (
-    Connection, ConnectionExtRosbag2, Qos, QosDurability, QosReliability)
+    Connection, ConnectionExtRosbag1, ConnectionExtRosbag2, Qos, QosDurability, QosReliability)
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import ReaderError as Ros1ReaderError
 from rosbags.rosbag2 import ReaderError as Ros2ReaderError
@@ -20,6 +20,7 @@ from rosbags.typesys import TypesysError
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
+from vtrack_ros.bags.ros1_types import is_convertible
 from vtrack_ros.bags.storage_files import open_storage, Storage, storage_files
 from vtrack_ros.bags.topics import absolute, Topic
 from vtrack_ros.bags.truth import read_truth, TRUTH_FILE, TRUTH_TOPIC
@@ -134,11 +135,10 @@ class BagReader:
             name = absolute(connection.topic)
             earlier = found.get(name)
             count = connection.msgcount + (earlier.count if earlier else 0)
-            profiles = _profiles(connection)
-            found[name] = Topic(
-                name, connection.msgtype, count,
-                all(one.reliability is not QosReliability.BEST_EFFORT for one in profiles),
-                any(one.durability is QosDurability.TRANSIENT_LOCAL for one in profiles))
+            reliable = all(one.reliability is not QosReliability.BEST_EFFORT
+                           for one in _profiles(connection))
+            found[name] = Topic(name, connection.msgtype, count, reliable, _is_latched(connection),
+                                self._known(connection))
         return found
 
     @property
@@ -158,7 +158,8 @@ class BagReader:
     def image_topic(self, name: str | None = None) -> Topic:
         """Return the topic of that name, or the only image topic there is; BagError for none."""
         images = [topic for topic in self.topics.values()
-                  if topic.message_type in messages.IMAGE_TYPES and topic.count]
+                  if topic.message_type in messages.IMAGE_TYPES and topic.count
+                  and topic.convertible]
         listed = ', '.join(f'{topic.name} ({topic.count})' for topic in images)
         if not images:
             others = ', '.join(
@@ -183,7 +184,8 @@ class BagReader:
         """
         Iterate over the messages of some topics, or of all, in the order of reception.
 
-        Those of a ROS 1 bag are converted to ROS 2 messages; types unknown to Jazzy are left out.
+        Those of a ROS 1 bag are converted to ROS 2 messages; topics that aren't `convertible` are
+        left out.
         BagError if the bag is broken, or holds fewer messages than it promises.
         """
         wanted = None if topics is None else set(map(absolute, topics))
@@ -260,7 +262,7 @@ class BagReader:
         return chain.from_iterable(reader.connections for reader in self._readers)
 
     def _known(self, connection: Connection) -> bool:
-        return not self._is_ros1 or connection.msgtype in messages.typestore().fielddefs
+        return not self._is_ros1 or is_convertible(connection.msgtype, connection.msgdef.data)
 
     def _deserialized(self, raw: RawMessage) -> Any:
         try:
@@ -279,3 +281,11 @@ def _profiles(connection: Connection) -> Sequence[Qos]:
     """Return the QoS that the publishers offered; empty where it isn't known."""
     extension = connection.ext
     return extension.offered_qos_profiles if isinstance(extension, ConnectionExtRosbag2) else ()
+
+
+def _is_latched(connection: Connection) -> bool:
+    """Return whether late subscribers got the latest messages too."""
+    extension = connection.ext
+    if isinstance(extension, ConnectionExtRosbag1):
+        return bool(extension.latching)
+    return any(one.durability is QosDurability.TRANSIENT_LOCAL for one in _profiles(connection))

@@ -14,7 +14,9 @@ class Topic:
     """
     A topic of a bag, its name with a leading slash; `count` is the number of its messages.
 
-    `reliable` and `transient_local` are what its publishers offered, as far as that's known.
+    `reliable` and `transient_local` are what its publishers offered, as far as that's known; in
+    ROS 1 a latched topic is what `transient_local` is in ROS 2. It's not `convertible` if it's of
+    ROS 1, and ROS 2 Jazzy has no such type or another one.
     """
 
     name: str
@@ -22,6 +24,7 @@ class Topic:
     count: int
     reliable: bool
     transient_local: bool
+    convertible: bool = True
 
 
 def absolute(name: str) -> str:

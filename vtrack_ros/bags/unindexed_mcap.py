@@ -1,6 +1,8 @@
 """
-MCAP files without an index of their messages: those whose recorder died, which have complete
-records, but neither a summary nor an end; and whole ones that were written without chunks or index.
+MCAP files without an index of their messages.
+
+Those of a recorder that died have complete records, but neither a summary nor an end. Others are
+whole, but were written without chunks or without an index.
 
 See the MCAP specification, https://mcap.dev/spec: a file is a sequence of records between two
 magic marks; each begins with its kind (one byte) and its length (eight bytes). Messages are in
@@ -88,7 +90,7 @@ class _Content:
 
 
 class _Summarised:
-    """The `pieces` of the view: those of a file up to its end, if any, and the end that's added."""
+    """The `pieces` of the view: those of a file without its end, and the end that's added."""
 
     def __init__(self, file: BinaryIO, size: int, whole: bool = False) -> None:
         self.pieces: list[Piece] = []
