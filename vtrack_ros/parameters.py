@@ -9,6 +9,8 @@ from typing import Any
 
 #: The types of a parameter's value.
 Value = bool | int | float | str
+#: Those types in words.
+_WORDS = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,8 @@ class Parameter:
     and a unit such as ``px``, empty where it has none; `choices` are the valid values, empty where
     any value of the type and in the range is valid. A dynamic one may change while the tracker
     runs. `check` raises a ValueError at a value of that type and range that is invalid still; the
-    default is valid.
+    default is valid. TypeError or ValueError if the default isn't of such a type, in the range or
+    among the choices.
     """
 
     name: str
@@ -33,6 +36,13 @@ class Parameter:
     dynamic: bool = True
     check: Callable[[Any], object] | None = None
 
+    def __post_init__(self) -> None:
+        """Check the default: a node could not declare a wrong one, and would not start."""
+        if self.kind not in _WORDS:
+            raise TypeError(f'{self.name}: the default must be a bool, int, float or str, not '
+                            f'{self.default!r}')
+        self.checked(self.default)
+
     @property
     def kind(self) -> type[Value]:
         """Return the type of the values."""
@@ -43,8 +53,7 @@ class Parameter:
         """Describe the valid values in words."""
         if self.choices:
             return 'one of ' + ', '.join(map(str, self.choices))
-        words = {bool: 'true or false', int: 'an integer', float: 'a number', str: 'text'}
-        text = words[self.kind]
+        text = _WORDS[self.kind]
         if self.low is not None and self.high is not None:
             text += f' from {self.low:.10g} to {self.high:.10g}'
         return text + (f' {self.unit}' if self.unit else '')

@@ -151,7 +151,7 @@ class Tracker(ABC):
         checked_box(box, frame)
         self._frame_shape = frame.shape
         try:
-            return self._start(frame, box)
+            return checked_estimate(self._start(frame, box), self.NAME)
         except BaseException:
             # it may be half made: OpenCV's trackers can crash if they are updated then
             self._frame_shape = None
@@ -189,7 +189,7 @@ class Tracker(ABC):
             wrong = ValueError if isinstance(dt, Real) else TypeError
             raise wrong(f'dt must be a number of frame intervals from {SHORTEST_DT:g} to '
                         f'{LONGEST_DT:g}, not {dt!r}')
-        return self._update(frame, float(dt))
+        return checked_estimate(self._update(frame, float(dt)), self.NAME)
 
     def _prepare(self, values: dict[str, Value]) -> None:
         """Raise a ValueError if values are invalid in combination; nothing changes then."""
@@ -234,3 +234,14 @@ def checked_box(box: Any, frame: Frame) -> None:
     if max(box.width, box.height) > GREATEST_SIDE:
         raise ValueError(f'{name} is too large; width and height must be at most '
                          f'{GREATEST_SIDE:.0f} px')
+
+
+def checked_estimate(estimate: Any, name: str) -> Estimate:
+    """Return what a tracker of that name returned; TypeError or ValueError if it's no estimate."""
+    if not isinstance(estimate, Estimate):
+        raise TypeError(f'{name}: _start and _update must return an Estimate, not '
+                        f'{type(estimate).__name__}')
+    if np.shape(estimate.covariance) != (4, 4):
+        raise ValueError(f'{name}: the covariance of an estimate must have the shape (4, 4), '
+                         f'not {np.shape(estimate.covariance)}')
+    return estimate
