@@ -99,6 +99,14 @@ def test_angle_scale_and_stretch():
     assert_allclose(state[:2, 2], (5, 6))
 
 
+def test_the_direction_of_the_stretch_is_counted_against_the_rotation():
+    """What lies in that direction is stretched, and what is across it compressed."""
+    linear = affine.from_vector(np.array([0.0, np.log(2.0), 0.0, 0.5, 0.0, 0.0]))[:2, :2]
+    along, across = affine.rotation(np.asarray(-0.5)).T
+    assert_allclose(linear @ along, 2 * along)
+    assert_allclose(linear @ across, across / 2)
+
+
 def test_bounds_of_a_turned_rectangle():
     state = np.eye(3)
     state[:2, :2] = affine.rotation(np.asarray(np.pi / 2))

@@ -75,6 +75,8 @@ def test_units_that_cannot_be_had():
     assert locate(*box, PINHOLE, 'metres') is None
     assert locate(*box, PINHOLE, 'pixels', width=1.0).units == 'pixels'
     assert locate(*box, PINHOLE, 'ray', width=1.0).units == 'ray'
+    with pytest.raises(ValueError, match="'meters'; valid are auto, pixels, ray, metres"):
+        locate(*box, PINHOLE, 'meters', width=1.0)
 
 
 def test_covariance_of_the_ray():

@@ -264,6 +264,11 @@ def test_wrong_beliefs_and_measurements_are_refused():
     good = Gaussian.from_moments([0.0, 0.0], np.eye(2))
     with pytest.raises(ValueError, match='measurement'):
         gaussian_filter.update(good, np.zeros(2))
+    with pytest.raises(ValueError, match='measurement must be finite'):
+        gaussian_filter.update(good, np.array([math.nan]))
+    for dt in (-1.0, math.nan, math.inf):
+        with pytest.raises(ValueError, match='dt'):
+            gaussian_filter.predict(good, dt)
     other = Gaussian.from_moments([0.0], [[1.0]])
     with pytest.raises(ValueError, match='dimension'):
         gaussian_filter.update(other, np.zeros(1))
@@ -281,3 +286,12 @@ def test_wrong_beliefs_and_measurements_are_refused():
         Gaussian(np.zeros(2), np.eye(2))
     with pytest.raises(ValueError, match='covariance'):
         Gaussian(np.zeros((3, 2)), np.eye(2))
+
+
+def test_an_error_of_another_dimension_is_refused():
+    """A number instead of a matrix would be taken for a covariance between all components."""
+    model = ConstantVelocity(2)
+    error = GaussianNoise.from_covariance(np.eye(1))
+    for one in (KalmanFilter(model), SigmaPointFilter(model, unscented)):
+        with pytest.raises(ValueError, match=r'error .*\(2, 2\), not \(1, 1\)'):
+            one.update(Gaussian.from_moments(np.zeros(4), np.eye(4)), np.ones(2), error=error)

@@ -138,6 +138,7 @@ def test_regrouping_as_printed_shrinks_the_second_moment(order, second_moment):
 
 @pytest.mark.parametrize('make, name', [
     (lambda: gauss_hermite(0), 'dimension'), (lambda: gauss_hermite(2, 0), 'order'),
+    (lambda: gauss_hermite(1, 400), 'order'), (lambda: pruning_threshold(1, 400), 'order'),
     (lambda: gauss_hermite(13, 3), 'points'), (lambda: cubature(0), 'dimension'),
     (lambda: unscented(0), 'dimension'), (lambda: unscented(2, kappa=-2.0), 'kappa'),
     (lambda: unscented(2, alpha=0.0), 'alpha'),

@@ -181,6 +181,7 @@ def test_parameters_of_another_tracker_wait_for_it():
     ({'parameters': {'gmpf': {'particles': 0}}}, ValueError),
     ({'parameters': {'gmpf': {'particles': 'many'}}}, TypeError),
     ({'tracker': 'pf', 'seed': 1, 'parameters': {'pf': {'particles': -1}}}, ValueError),
+    ({'seed': -1}, ValueError), ({'seed': 'one'}, TypeError),
 ])
 def test_wrong_changes_change_nothing(change, error):
     """A change with one wrong value raises an error and changes nothing."""

@@ -78,8 +78,10 @@ class GaussianFilter(ABC):
         self.model = model
 
     def predict(self, prior: Gaussian, dt: float, time: float = 0.0) -> Gaussian:
-        """Return the beliefs after a step of `dt` that begins at `time`."""
+        """Return the beliefs after a step of `dt`, zero or more, that begins at `time`."""
         self._check(prior)
+        if not 0 <= dt < math.inf:
+            raise ValueError(f'dt must be zero or more, and finite, not {dt!r}')
         mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
         for part in self.blocks(len(prior)):
             mean[part], covariance[part] = self._predict(
@@ -90,10 +92,12 @@ class GaussianFilter(ABC):
                error: GaussianNoise | None = None) -> Correction:
         """Return the beliefs after a measurement (m,) at `time`; `error` replaces R if given."""
         self._check(prior)
-        if np.shape(measurement) != (self.model.measurement_dimension,):
-            raise ValueError(f'measurement must have the shape '
-                             f'({self.model.measurement_dimension},), not {np.shape(measurement)}')
+        dimension = self.model.measurement_dimension
+        measurement = checked_array('measurement', measurement, (dimension,))
         error = error or self.model.measurement_error
+        if error.covariance.shape != (dimension, dimension):
+            raise ValueError(f'error must have a covariance of the shape '
+                             f'({dimension}, {dimension}), not {error.covariance.shape}')
         mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
         log_evidence = np.empty(len(prior))
         for part in self.blocks(len(prior)):

@@ -19,6 +19,8 @@ from vtrack_ros.frame import Array
 
 #: Largest number of points of a product rule: it bounds the memory.
 MOST_POINTS = 1_000_000
+#: Highest order of a one-dimensional rule: from about 380 on its weights overflow.
+HIGHEST_ORDER = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,13 @@ def gauss_hermite(dimension: int, order: int = 3) -> SigmaPointRule:
 
 
 def hermite_nodes(order: int) -> tuple[Array, Array]:
-    """Return nodes, ascending, and weights of the Gauss-Hermite rule for N(0, 1)."""
+    """
+    Return nodes, ascending, and weights of the Gauss-Hermite rule for N(0, 1).
+
+    ValueError unless the order is from 1 to 300.
+    """
+    if checked_count('order', order) > HIGHEST_ORDER:
+        raise ValueError(f'order must be at most {HIGHEST_ORDER}, not {order}')
     nodes, weights = np.polynomial.hermite_e.hermegauss(order)
     return nodes, weights / weights.sum()
 

@@ -146,8 +146,8 @@ def from_vector(vector: Array) -> Array:
     Return transformations, shape (..., 3, 3), from geometric parameters [Ross2008, sec. 4.1].
 
     These, shape (..., 6), are the log scale, half the log ratio of the stretches, rotation [rad],
-    direction of the skew [rad], x and y. The stretch is along that direction, and before the
-    rotation.
+    direction of the skew [rad], x and y. The stretch comes before the rotation. Its direction is
+    counted against the rotation: counterclockwise as one looks at an image.
     """
     size, aspect, turn, direction, x, y = np.moveaxis(np.asarray(vector, float), -1, 0)
     along = rotation(direction)

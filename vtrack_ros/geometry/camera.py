@@ -15,6 +15,8 @@ _CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-14)
 
 #: How many coefficients each distortion model has.
 MODELS = {'plumb_bob': (4, 5), 'rational_polynomial': (8,), 'equidistant': (4,)}
+#: What a position can be in; 'auto' is the best of the others that is available.
+UNITS = ('auto', 'pixels', 'ray', 'metres')
 
 
 @dataclass(frozen=True)
@@ -123,9 +125,11 @@ def locate(box: Box, box_covariance: Array, camera: Camera | None, units: str = 
 
     Units are 'pixels', on the image, z = 0; 'ray', at depth 1 in the optical frame (x right, y
     down, z forward); 'metres', in the same frame; 'auto' for the best of these that is available.
-    None where the units aren't available, or the box has no position in them. A covariance of NaN,
-    which is unknown, stays so.
+    None where the units aren't available, or the box has no position in them; ValueError for any
+    others. A covariance of NaN, which is unknown, stays so.
     """
+    if units not in UNITS:
+        raise ValueError(f'unknown units {units!r}; valid are ' + ', '.join(UNITS))
     sized = width > 0 or height > 0
     if units == 'auto':
         units = 'pixels' if camera is None else 'metres' if sized else 'ray'

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from vtrack_ros.geometry import Box
+from vtrack_ros.geometry.camera import UNITS
 from vtrack_ros.parameters import Parameter, ParameterTable, Value
 from vtrack_ros.session.session import TrackingSession
 from vtrack_ros.trackers import tracker_class, tracker_names
@@ -54,7 +55,7 @@ NODE_PARAMETERS = ParameterTable([
     Parameter('pose_units', 'auto', 'Units of pose and twist. pixels: position in the image; ray: '
               'point at depth 1 on the line of sight, needs camera_info; metres: needs '
               'camera_info and target_width or target_height; auto: metres if possible, else '
-              'ray, else pixels.', choices=('auto', 'pixels', 'ray', 'metres')),
+              'ray, else pixels.', choices=UNITS),
     Parameter('target_width', 0.0, 'Real width of the target, from which its distance is '
               'computed; 0: unknown.', 0.0, 1000.0, 'm'),
     Parameter('target_height', 0.0, 'Real height of the target, used if target_width is 0; 0: '

@@ -181,6 +181,10 @@ class TrackingSession:
         """
         name = self._name if tracker is None else tracker
         seed = self._seed if seed is None else seed
+        try:
+            np.random.default_rng(seed)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f'seed {seed!r}: {error}') from None
         given = {owner: dict(values) for owner, values in (parameters or {}).items()}
         # The tracker in use checks its own parameters, all together, in `configure`.
         own = given.pop(name, {})
