@@ -1,7 +1,9 @@
 """Bags of image folders and of videos."""
 
+import io
 import os
 from pathlib import Path
+import sys
 
 import cv2
 import numpy as np
@@ -164,6 +166,16 @@ def test_a_name_that_is_not_utf8(tmp_path):
     video.write_bytes(b'')
     with pytest.raises(BagError, match='not UTF-8'):
         open_source(video)
+
+
+def test_an_output_whose_name_is_not_utf8(tmp_path, monkeypatch):
+    """The command succeeds; before, it ended with 2 where the terminal's encoding is strict."""
+    shown = io.BytesIO()
+    monkeypatch.setattr(sys, 'stdout', io.TextIOWrapper(shown, 'utf-8', 'strict'))
+    bag = tmp_path / os.fsdecode(b'\xfc')
+    folder = write_folder(tmp_path / 'pictures')
+    assert main(['import', str(folder), '--out', str(bag)]) == 0
+    assert f'{COUNT} frames'.encode() in shown.getvalue()
 
 
 def test_broken_image(tmp_path):

@@ -240,6 +240,9 @@ def test_nothing_is_overwritten(tmp_path):
     with pytest.raises(BagError, match='exists already'):
         write(tmp_path / 'bag')
     assert len(read_all(tmp_path / 'bag')[0]) == COUNT
+    (tmp_path / 'link').symlink_to('nowhere')
+    with pytest.raises(BagError, match='link exists already'):
+        write(tmp_path / 'link')
 
 
 @pytest.mark.parametrize('arguments, words', [

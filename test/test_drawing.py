@@ -56,6 +56,18 @@ def test_a_sliver_is_drawn_no_larger_than_it_has_to_be(shape):
     assert max(AnnotatedFrame(np.zeros(shape, np.uint8)).picture.shape) == max(480, *shape)
 
 
+@pytest.mark.parametrize('shape, size', [
+    ((20, 9000, 3), (8190, 18)), ((9000, 1), (2, 8190)), ((1, 400), (400, 2))])
+def test_pictures_that_no_video_can_have(tmp_path, shape, size):
+    """Those of a line camera or a panorama are reduced; before, there were no results at all."""
+    with Film(tmp_path, 25, 2) as film:
+        for _ in range(2):
+            film.add(np.zeros(shape, np.uint8), 'waiting')
+    found, picture = cv2.VideoCapture(str(film.paths[0])).read()
+    assert found and picture.shape[1::-1] == size
+    assert cv2.imread(str(film.paths[1])).shape[0] == size[1] + 8
+
+
 def test_a_folder_whose_name_is_not_utf8(tmp_path):
     """It's an error, for OpenCV would end the process."""
     folder = tmp_path / os.fsdecode(b'\xff')

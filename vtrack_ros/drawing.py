@@ -30,6 +30,8 @@ STATES = {
 _BITS = 4
 #: Longer side, in pixels, that small pictures are enlarged to, about, by an integer factor.
 _LEGIBLE = 480
+#: Bounds of the sides of a film's pictures, in pixels: those of MPEG-4.
+_SHORTEST, _LONGEST = 2, 8190
 #: Bounds of a video's rate, [Hz]; MPEG-4 can't have much lower or much higher ones.
 _LOWEST_RATE, _HIGHEST_RATE = 0.01, 1000.0
 #: Largest number of pictures on a contact sheet, and of positions in a trail.
@@ -128,8 +130,9 @@ class Film:
     """
     The pictures of a run, in a folder: a video of all and a sheet of some; a context manager.
 
-    Pictures of another size than the first one's are resized to it. After an error the video is
-    removed, for an incomplete one looks like a complete one.
+    Pictures with a side of more than 8190 pixels are reduced to that, those of a single column or
+    row are doubled, and those of another size than the first one's are resized to it. After an
+    error the video is removed, for an incomplete one looks like a complete one.
 
     `rate` is in frames per second, `count` the largest number of frames; a file that can't be
     written is an OSError. A rate beyond the video format's bounds is the nearest one within.
@@ -189,7 +192,9 @@ class Film:
             if not is_utf8(self.paths[0]):
                 raise OSError(f'the video {self.paths[0].name} cannot be created: OpenCV needs a '
                               'folder whose name is UTF-8')
-            self._size = picture.shape[1], picture.shape[0]
+            share = min(1.0, _LONGEST / max(picture.shape[:2]))
+            height, width = (max(_SHORTEST, round(share * side)) for side in picture.shape[:2])
+            self._size = width, height
             code = cv2.VideoWriter.fourcc(*'mp4v')
             self._writer = cv2.VideoWriter(str(self.paths[0]), code, self._rate, self._size)
             if not self._writer.isOpened():

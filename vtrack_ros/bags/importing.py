@@ -13,7 +13,7 @@ from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.image_folder import GROUND_TRUTH, image_files, read_ground_truth, read_image
 from vtrack_ros.bags.topics import checked_topic
 from vtrack_ros.bags.truth import TRUTH_TOPIC
-from vtrack_ros.bags.writer import BagWriter
+from vtrack_ros.bags.writer import BagWriter, compressed_topic
 from vtrack_ros.file_names import is_utf8
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
@@ -111,6 +111,8 @@ def record(frames: Iterable[tuple[Frame, Truth]], path: str | Path, *, rate: flo
     if not LOWEST_RATE <= rate <= HIGHEST_RATE:
         raise BagError(
             f'the rate must be from {LOWEST_RATE:g} to {HIGHEST_RATE:g} Hz, not {rate:g}')
+    if compression != 'none':
+        checked_topic(compressed_topic(topic))
     with BagWriter(path, storage, compression) as writer:
         for frame, truth in frames:
             stamp = FIRST_STAMP + round(count * 1e9 / rate)

@@ -1,5 +1,6 @@
 """Writing bags that `ros2 bag play` can play as well."""
 
+import os
 from pathlib import Path
 import shutil
 import tempfile
@@ -43,7 +44,8 @@ class BagWriter:
         if compression not in COMPRESSIONS:
             raise BagError(
                 f'unknown compression {compression!r}; valid are ' + ', '.join(COMPRESSIONS))
-        if self._path.exists():
+        # a link to nowhere exists as well
+        if os.path.lexists(self._path):
             raise BagError(f'{self._path} exists already: give another path, or remove it first')
         self._storage = storage
         self._compression = compression
@@ -102,10 +104,15 @@ class BagWriter:
             self.write(topic, messages.image(frame, stamp, frame_id), stamp)
         else:
             message = messages.compressed_image(frame, stamp, frame_id, self._compression)
-            self.write(f'{topic}/compressed', message, stamp)
+            self.write(compressed_topic(topic), message, stamp)
 
     def write_truth(self, box: Box | None, stamp: int,
                     frame_id: str = 'camera_optical_frame') -> None:
         """Write the true box of the image of that stamp; None where the target is absent."""
         self._truth[stamp] = box
         self.write(TRUTH_TOPIC, messages.detections(box, stamp, frame_id), stamp)
+
+
+def compressed_topic(topic: str) -> str:
+    """Return the name of the topic with the compressed images of a topic."""
+    return f'{topic}/compressed'

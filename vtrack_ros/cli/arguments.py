@@ -20,7 +20,8 @@ def _number(kind: Callable[[str], Number], low: float, high: float,
             value = kind(text)
             if math.isfinite(value) and low <= value <= high:
                 return value
-        except ValueError:
+        except (OverflowError, ValueError):
+            # an integer beyond any float, or no number
             pass
         raise ArgumentTypeError(f'must be {valid}, not {text!r}')
     return read

@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
+import io
 import os
 import re
 import sys
@@ -50,6 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Ctrl-C, 141 if standard output was closed.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # as on standard error: a file's name may have bytes that the terminal's encoding lacks
+        sys.stdout.reconfigure(errors='backslashreplace')
     # As in the node: on a busy machine, threads that wait for one another take far longer.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     if '_ARGCOMPLETE' in os.environ:
