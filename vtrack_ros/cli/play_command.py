@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 import sys
 
-from vtrack_ros.bags import BagReader
+from vtrack_ros.bags import BagError, BagReader
 from vtrack_ros.bags.player import Pace, Played, Player, StopRequest
 from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
@@ -76,12 +76,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None:
+    published = [player.published_name(topic.name) for topic in player.topics]
+    if arguments.clock and '/clock' in published:
+        raise BagError(f'{arguments.bag} has a /clock of its own, which --clock would contradict: '
+                       'leave out --clock, or give --remap /clock:=OTHER')
     # With --json, standard output has the JSON alone.
     stream = sys.stderr if arguments.json else sys.stdout
     for reason in player.skipped:
         print(f'vtrack play: skipped {reason}', file=sys.stderr)
-    for topic in player.topics:
-        name = player.published_name(topic.name)
+    for topic, name in zip(player.topics, published):
         print(f'{name}: {topic.count} {topic.message_type}', file=stream)
     print(f'{arguments.bag}: {bag.duration / arguments.rate:.2f} s', file=stream, flush=True)
     if arguments.wait and not (player.wait_for_subscribers(arguments.wait) or player.stop.made()):
