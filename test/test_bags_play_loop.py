@@ -1,6 +1,7 @@
-"""Playing: repeating a bag that takes no time, and a bag with a time of its own."""
+"""Playing: a bag that takes no time, one with a time of its own, and what can't be played."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagReader, BagWriter, messages  # noqa: E402
 from vtrack_ros.bags.player import Pace, Player, StopRequest  # noqa: E402
+from vtrack_ros.bags.topics import Topic  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
 
 
@@ -69,3 +71,18 @@ def test_two_clocks(tmp_path, capfd):
     assert main([*play, '--clock', '--remap', 'clock:=simulated']) == 0
     assert main([*play, '--clock', '--topic', 'image']) == 0
     assert main(play) == 0
+
+
+@pytest.mark.parametrize('kind, words', [
+    ('std_srvs/srv/Empty_Event', 'not a message'), ('std_msgs/String', 'not a message'),
+    ('__schemaless__', 'not a message'), ('std_msgs/msg/Nothing', 'not a message'),
+    ('nothing_msgs/msg/Nothing', 'the package nothing_msgs, which is not installed')])
+def test_what_is_no_message_is_left_out(kind, words):
+    """A service's events, or what other programs write into an MCAP file, don't end the player."""
+    topics = [Topic(name, of, 1, True, False)
+              for name, of in (('/image', messages.IMAGE), ('/other', kind))]
+    bag = SimpleNamespace(path='bag', topics={topic.name: topic for topic in topics})
+    player = Player(Node(Publisher(StopRequest(), 1)), bag)
+    assert player.topics == topics[:1]
+    [reason] = player.skipped
+    assert reason.startswith(f'/other: {kind} ') and words in reason

@@ -219,18 +219,11 @@ class Player:
             chosen = [known[name] for name in names]
         playable = []
         for topic in chosen:
-            try:
-                _message_class(topic.message_type)
-            except (AttributeError, ImportError):
-                kind = topic.message_type
-                self.skipped.append(f'{topic.name}: {kind} needs the package '
-                                    f'{kind.partition("/")[0]}, which is not installed')
+            reason = _why_not(topic)
+            if reason:
+                self.skipped.append(f'{topic.name}: {topic.message_type} {reason}')
             else:
-                if topic.convertible:
-                    playable.append(topic)
-                else:
-                    self.skipped.append(f'{topic.name}: {topic.message_type} of ROS 1 has other '
-                                        'fields than that of ROS 2')
+                playable.append(topic)
         if not playable:
             raise BagError(f'{self._bag.path}: nothing to play; ' + '; '.join(self.skipped))
         return playable
@@ -274,6 +267,21 @@ class Player:
         return lambda now: publisher.publish(Clock(clock=Time(nanoseconds=now).to_msg()))
 
 
+def _why_not(topic: Topic) -> str:
+    """Return why a topic can't be played; empty if it can."""
+    package = topic.message_type.partition('/')[0]
+    try:
+        _message_class(topic.message_type)
+    except ImportError:
+        return f'needs the package {package}, which is not installed'
+    except (AttributeError, ValueError):
+        # such as a service's, or one that another version of the package has
+        return 'is not a message of an installed package'
+    return '' if topic.convertible else 'of ROS 1 has other fields than that of ROS 2'
+
+
 def _message_class(name: str) -> Any:
-    package, _, message = name.split('/')
+    package, kind, message = name.split('/')
+    if kind != 'msg':
+        raise ValueError(f'{name} is not a message')
     return getattr(import_module(f'{package}.msg'), message)

@@ -273,6 +273,9 @@ class BagReader:
     def _broken(self, error: Exception, where: str = '') -> BagError:
         reason = str(error).strip().splitlines()
         text = reason[0] if reason else type(error).__name__
+        if isinstance(error, KeyError):
+            # its text is the key alone
+            text = f'unknown {text}'
         place = f' {where}' if where else ''
         return BagError(f'{self.path} is broken or truncated{place}: {text}')
 
