@@ -331,3 +331,30 @@ def test_moved_bag(tmp_path):
     path = write(tmp_path / 'bag')
     shutil.move(path, tmp_path / 'other')
     assert len(read_all(tmp_path / 'other')[0]) == COUNT
+
+
+def test_a_bag_that_is_not_open(tmp_path):
+    """Told so, and not as a broken bag or a missing attribute."""
+    bag = BagReader(write(tmp_path / 'bag'))
+    for _ in range(2):
+        for read in (lambda: bag.topics, bag.truth, lambda: next(bag.raw())):
+            with pytest.raises(RuntimeError, match='is not open'):
+                read()
+        with bag:
+            assert bag.topics
+
+
+@pytest.mark.parametrize('frame, stamp, topic, words', [
+    (np.zeros((4, 4, 4), np.uint8), 1, '/image', 'must have shape'),
+    (np.zeros((4, 4)), 1, '/image', 'uint8'), (np.zeros((4, 4), np.uint8), 1.5, '/image', '1.5'),
+    (np.zeros((4, 4), np.uint8), -1, '/image', 'from 0'),
+    (np.zeros((4, 4), np.uint8), 2**62, '/image', 'from 0'),
+    (np.zeros((4, 4), np.uint8), 1, '/an image', 'not a valid topic')])
+def test_what_no_bag_can_hold(tmp_path, frame, stamp, topic, words):
+    """It's refused where it's written: four channels became an image that nobody can read."""
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.write_frame(np.ones((4, 4), np.uint8), 1)
+        with pytest.raises((TypeError, ValueError), match=words):
+            bag.write_frame(frame, stamp, topic)
+    images, _ = read_all(tmp_path / 'bag')
+    assert [image.frame.tolist() for image in images] == [[[1] * 4] * 4]

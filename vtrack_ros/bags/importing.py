@@ -13,15 +13,13 @@ from vtrack_ros.bags.errors import BagError
 from vtrack_ros.bags.image_folder import GROUND_TRUTH, image_files, read_ground_truth, read_image
 from vtrack_ros.bags.topics import checked_topic
 from vtrack_ros.bags.truth import TRUTH_TOPIC
-from vtrack_ros.bags.writer import BagWriter, compressed_topic
+from vtrack_ros.bags.writer import BagWriter, compressed_topic, LAST_STAMP
 from vtrack_ros.file_names import is_utf8
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
 
 #: The stamp of the first frame, in nanoseconds; not 0, which means "no time" to ROS.
 FIRST_STAMP = 1_000 * 1_000_000_000
-#: The last stamp that a message can have: its seconds have 32 bits, one of them the sign.
-LAST_STAMP = 2 ** 31 * 1_000_000_000 - 1
 #: Bounds of the rate of frames, in Hz: at higher ones stamps would soon be too close together.
 LOWEST_RATE, HIGHEST_RATE = 1e-6, 1e6
 

@@ -69,24 +69,24 @@ class BagReader:
     A bag whose recorder died is read as far as possible: a file without an end or an index, and a
     folder without metadata.yaml, whose last file may be unreadable. Then `notice` says so.
     BagError if a bag is missing, empty or broken, or holds fewer messages than its metadata.yaml
-    or index says: when it's opened, or when reading reaches the broken part.
+    or index says: when it's opened, or when reading reaches that. RuntimeError if it isn't open.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         #: After opening, a line about a bag that its recorder didn't finish; else None.
         self.notice: str | None = None
-        self._readers: list[Storage]
+        self._storages: list[Storage] = []
 
     def __enter__(self) -> Self:
         """Open the bag."""
-        self._readers = []
+        self._storages = []
         with ExitStack() as opened:
             try:
                 missing, left_out = self._open_files(opened)
             except OSError as error:
                 raise BagError(f"{self.path} can't be read: {error.strerror or error}") from None
-            self._is_ros1 = isinstance(self._readers[0], Ros1Reader)
+            self._is_ros1 = isinstance(self._storages[0], Ros1Reader)
             count = self._message_count()
             unfinished = f'has no {missing} (an unfinished recording)'
             if not count:
@@ -99,6 +99,7 @@ class BagReader:
 
     def __exit__(self, *_: object) -> None:
         """Close the bag."""
+        self._storages = []
         self._opened.close()
 
     def _open_files(self, opened: ExitStack) -> tuple[str, str]:
@@ -119,12 +120,18 @@ class BagReader:
                 raise self._broken(error, '' if file == self.path else f'in {file.name}'
                                    ) from error
             opened.callback(reader.close)
-            self._readers.append(reader)
+            self._storages.append(reader)
             missing = missing or missing_there
         return missing, ''
 
     def _message_count(self) -> int:
-        return sum(reader.message_count for reader in self._readers)
+        return sum(reader.message_count for reader in self._storages)
+
+    @property
+    def _readers(self) -> list[Storage]:
+        if not self._storages:
+            raise RuntimeError(f'{self.path} is not open: use `with BagReader(path) as bag`')
+        return self._storages
 
     @property
     def topics(self) -> dict[str, Topic]:
@@ -272,10 +279,9 @@ class BagReader:
 
     def _broken(self, error: Exception, where: str = '') -> BagError:
         reason = str(error).strip().splitlines()
-        text = reason[0] if reason else type(error).__name__
-        if isinstance(error, KeyError):
-            # its text is the key alone
-            text = f'unknown {text}'
+        # the text of a KeyError is the key alone
+        text = 'unknown ' * isinstance(error, KeyError) + (
+            reason[0] if reason else type(error).__name__)
         place = f' {where}' if where else ''
         return BagError(f'{self.path} is broken or truncated{place}: {text}')
 

@@ -1,5 +1,6 @@
 """Writing bags that `ros2 bag play` can play as well."""
 
+import operator
 import os
 from pathlib import Path
 import shutil
@@ -13,14 +14,18 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError, writing
+from vtrack_ros.bags.topics import absolute, checked_topic
 from vtrack_ros.bags.truth import TRUTH_FILE, TRUTH_TOPIC, write_truth
 from vtrack_ros.frame import Frame
 from vtrack_ros.geometry import Box
+from vtrack_ros.tracker import checked_frame
 
 #: The storage formats of rosbag2 that we write.
 STORAGES = ('mcap', 'sqlite3')
 #: How images can be stored.
 COMPRESSIONS = ('none', 'png', 'jpeg')
+#: The last stamp that a message can have: its seconds have 32 bits, one of them the sign.
+LAST_STAMP = 2 ** 31 * 1_000_000_000 - 1
 
 _FOREVER = QosTime(9223372036, 854775807)
 _RELIABLE = Qos(
@@ -88,18 +93,31 @@ class BagWriter:
         self._writer.set_custom_data(name, text)
 
     def write(self, topic: str, message: Any, stamp: int) -> None:
-        """Write a message made by `bags.messages` as received at `stamp` in nanoseconds."""
-        name = message.__msgtype__
+        """
+        Write a message made by `bags.messages` as received at `stamp` in nanoseconds.
+
+        BagError if the topic's name isn't valid in ROS, or the stamp is negative or has more than
+        63 bits.
+        """
+        name, topic = message.__msgtype__, absolute(topic)
+        stamp = _checked_stamp(stamp, 2 ** 63 - 1)
         if topic not in self._connections:
             self._connections[topic] = self._writer.add_connection(
-                topic, name, typestore=messages.typestore(), offered_qos_profiles=[_RELIABLE])
+                checked_topic(topic), name, typestore=messages.typestore(),
+                offered_qos_profiles=[_RELIABLE])
         data = messages.typestore().serialize_cdr(message, name)
         with writing(self._path):
             self._writer.write(self._connections[topic], stamp, data)
 
     def write_frame(self, frame: Frame, stamp: int, topic: str = '/image',
                     frame_id: str = 'camera_optical_frame') -> None:
-        """Write a frame as an Image, or as a CompressedImage on ``<topic>/compressed``."""
+        """
+        Write a frame as an Image, or as a CompressedImage on ``<topic>/compressed``.
+
+        The stamp, in nanoseconds, is the image's own and that of its reception. BagError as
+        `write`, or if the stamp is after `LAST_STAMP`; TypeError or ValueError if it's no frame.
+        """
+        frame, stamp = checked_frame(frame), _checked_stamp(stamp)
         if self._compression == 'none':
             self.write(topic, messages.image(frame, stamp, frame_id), stamp)
         else:
@@ -109,6 +127,7 @@ class BagWriter:
     def write_truth(self, box: Box | None, stamp: int,
                     frame_id: str = 'camera_optical_frame') -> None:
         """Write the true box of the image of that stamp; None where the target is absent."""
+        stamp = _checked_stamp(stamp)
         self._truth[stamp] = box
         self.write(TRUTH_TOPIC, messages.detections(box, stamp, frame_id), stamp)
 
@@ -116,3 +135,14 @@ class BagWriter:
 def compressed_topic(topic: str) -> str:
     """Return the name of the topic with the compressed images of a topic."""
     return f'{topic}/compressed'
+
+
+def _checked_stamp(stamp: int, last: int = LAST_STAMP) -> int:
+    try:
+        number = operator.index(stamp)
+    except TypeError:
+        raise BagError(f'a stamp must be an integer number of nanoseconds, not {stamp!r}'
+                       ) from None
+    if not 0 <= number <= last:
+        raise BagError(f'a stamp must be from 0 to {last} ns, not {number}')
+    return number
