@@ -155,6 +155,14 @@ def test_particles_that_are_refused_change_nothing():
     assert len(particle_filter.belief) == 30
 
 
+@pytest.mark.parametrize('arguments, words', [
+    ({'proposal': GreyProposal}, 'proposal must be a Proposal'), ({'rng': 1}, 'rng must be a')])
+def test_a_class_or_a_seed_is_told(arguments, words):
+    """Before, the first step raised an error that named neither."""
+    with pytest.raises(TypeError, match=words):
+        ParticleFilter(ConstantVelocity(1), **{'rng': np.random.default_rng(1), **arguments})
+
+
 def test_simplified_weights_are_the_likelihood_alone():
     particle_filter = make(proposal=GreyProposal(), weighting='simplified', threshold=1.0)
     for step in range(8):

@@ -39,7 +39,7 @@ class ParticleFilter:
     `recoveries` is incremented.
 
     The proposal is the transition prior by default; the threshold is a fraction of N, from 0 to 1.
-    All randomness comes from `rng`.
+    All randomness comes from `rng`. TypeError or ValueError if one of them is wrong.
     """
 
     def __init__(self, model: StateSpaceModel, proposal: Proposal | None = None, *,
@@ -47,6 +47,10 @@ class ParticleFilter:
                  rng: np.random.Generator) -> None:
         self.model = model
         self.proposal = proposal if proposal is not None else PriorProposal()
+        if not isinstance(self.proposal, Proposal):
+            raise TypeError(f'proposal must be a Proposal, not {proposal!r}')
+        if not isinstance(rng, np.random.Generator):
+            raise TypeError(f'rng must be a numpy.random.Generator, not {rng!r}')
         self.particles = checked_count('particles', particles)
         if weighting not in WEIGHTINGS:
             raise ValueError(f'unknown weighting {weighting!r}; valid are {", ".join(WEIGHTINGS)}')

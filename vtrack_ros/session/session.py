@@ -33,6 +33,9 @@ class TrackingSession:
     size ends the tracking: the session then has no target until it's started again. A stamp that
     stands still (a driver that doesn't stamp) counts as one frame interval.
 
+    The latest frame and that of the last measurement are kept, not copied: the next frame must not
+    be written into the same array.
+
     Every tracker is created with the seed; `parameters` are tracker name -> parameter name ->
     value, and default where missing. TypeError or ValueError if one is wrong.
     """
