@@ -202,3 +202,13 @@ def test_whole_numbers_may_be_floats():
     for count in (2.5, 0, math.nan):
         with pytest.raises(ValueError, match='positions'):
             ConstantVelocity(count)
+
+
+def test_a_process_noise_without_a_density_is_named():
+    """A position that follows from the velocity alone is usual in textbooks, but has none."""
+    class Textbook(ConstantVelocity):
+        def process_noise(self, dt):
+            return np.diag([0.0, dt])
+
+    with pytest.raises(ValueError, match='process_noise must be positive definite'):
+        Textbook(1).sample_noise(3, 1.0, np.random.default_rng(0))

@@ -145,9 +145,14 @@ class StateSpaceModel(ABC):
         return self.measurement_error.covariance
 
     def process_error(self, dt: float) -> GaussianNoise:
-        """Return the process noise of a step of `dt`, factorised; the latest one is cached."""
+        """
+        Return the process noise of a step of `dt`, factorised; the latest one is cached.
+
+        ValueError unless it's positive definite: a particle filter needs noise in every component.
+        """
         if self._process_error is None or self._process_error[0] != dt:
-            self._process_error = dt, GaussianNoise.from_covariance(self.process_noise(dt))
+            self._process_error = dt, GaussianNoise.from_covariance(
+                self.process_noise(dt), 'process_noise')
         return self._process_error[1]
 
     def sample_noise(self, count: int, dt: float, rng: np.random.Generator) -> Array:
