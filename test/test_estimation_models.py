@@ -207,6 +207,8 @@ def test_whole_numbers_may_be_floats():
 def test_a_process_noise_without_a_density_is_named():
     """A position that follows from the velocity alone is usual in textbooks, but has none."""
     class Textbook(ConstantVelocity):
+        """White acceleration only, without its effect on the position."""
+
         def process_noise(self, dt):
             return np.diag([0.0, dt])
 
