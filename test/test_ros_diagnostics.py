@@ -116,6 +116,16 @@ def test_a_stamp_left_out_begins_no_stream():
     assert flow.late == 5
 
 
+def test_a_first_stamp_left_out_begins_no_stream():
+    """Where the first frame has none, a later zero counts as late, too, and is no loop."""
+    flow, now = FrameFlow(), 10**18
+    found = [flow.arrived(now + index * STEP if index % 8 else 0, index * STEP)
+             for index in range(40)]
+    assert found[:4] == [Arrival.NEXT, Arrival.LATE, Arrival.LATE, Arrival.NEXT]
+    assert all(one is (Arrival.NEXT if index % 8 else Arrival.LATE)
+               for index, one in enumerate(found[4:], 4))
+
+
 def test_a_stamp_of_the_far_future_is_but_a_wrong_one():
     """One frame an hour ahead is late; the third of such frames in a row is accepted."""
     flow, hour = FrameFlow(), 3600 * 10**9

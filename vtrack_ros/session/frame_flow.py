@@ -75,6 +75,9 @@ class FrameFlow:
         elif self._ahead_in_a_row < RECOVERY_COUNT:
             self.late += 1
             return Arrival.LATE
+        else:
+            # a first stamp of 0 was left out, and isn't that of the stream's beginning
+            self._first = self._first or stamp
         if stamp < newest:
             self._late_in_a_row += 1
             # Some drivers leave out the stamp of some frames.
