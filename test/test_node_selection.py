@@ -386,5 +386,12 @@ def test_detector_starts_it(client, process):
     detector.publish(Detection2DArray(detections=[
         detection(box, class_id='ball', score=0.3), detection(box, class_id='cat', score=1.0)]))
     assert not any(answer.detections for answer, _ in play(client, 5))
+    # What is found during a pause may have moved away, or the target is somewhere else.
+    assert client.ask('~/enable', SetBool, data=False).success
+    detector.publish(Detection2DArray(detections=[detection(box, class_id='ball', score=0.9)]))
+    for _ in range(5):
+        unanswered(client)
+    assert client.ask('~/enable', SetBool, data=True).success
+    assert not any(answer.detections for answer, _ in play(client, 2))
     client.change(init_from_detections=False)
     client.until(lambda: detector.get_subscription_count() == 0, 'still listening')

@@ -163,6 +163,31 @@ def test_a_fault_of_a_new_tracker_is_not_raised(scripted, ask):
     assert session.restart() is not None and not session.failure
 
 
+@pytest.mark.parametrize('ask', [
+    lambda session: session.restart(), lambda session: session.resize(False),
+    lambda session: session.change('dcf')])
+def test_a_tracker_that_cannot_be_made_again(scripted, monkeypatch, ask):
+    """Any error of it, as of a file that is gone, is a ValueError, and the target is kept."""
+    def fail(*_, **__):
+        raise FileNotFoundError('model.onnx')
+    follow = Following(Box(10, 10, 80, 80))
+    follow.update(frame(), 0)
+    session = follow.session
+    seen = session.last_measurement
+    monkeypatch.setattr('vtrack_ros.session.session.create_tracker', fail)
+    with pytest.raises(ValueError, match='FileNotFoundError: model.onnx'):
+        ask(session)
+    assert session.last_measurement is seen and session.tracker == 'gmpf'
+    assert session.update(frame(), STEP).measured
+
+
+def test_without_a_target_no_tracker_is_made(scripted):
+    """A restart without a target makes no tracker, which could fail."""
+    session = TrackingSession()
+    count = len(scripted)
+    assert session.restart() is None and len(scripted) == count
+
+
 def test_a_fault_of_a_tracker_that_takes_up_a_saved_target(scripted):
     """It's a ValueError, as of a saved target that can't be used; there is no target then."""
     session, box = TrackingSession(), Box(10, 10, 20, 20)

@@ -9,9 +9,12 @@ import sys
 import tomllib
 
 from bag_material import write_short_bag
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from node_harness import Client, NodeProcess, overlap, Scene
 from page_viewer import serving, viewer
 import pytest
+from std_srvs.srv import Trigger
 from vtrack_ros.trackers import tracker_names
 
 #: Invalid entry points, and part of the warning about each.
@@ -68,6 +71,66 @@ assert main(['replay', bag, '--tracker', 'steady', '--set', 'share=9']) == 2
         [line] = [line for line in done.stderr.splitlines()
                   if f'tracker {row.split()[0]!r}' in line]
         assert words in line
+
+
+FAULTY = """
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.trackers.dcf import CorrelationTracker
+
+class Faulty(CorrelationTracker):
+    NAME, SUMMARY = 'faulty', 'fails'
+    PARAMETERS = ParameterTable([
+        *CorrelationTracker.PARAMETERS.values(),
+        Parameter('file', '', 'Opened.'), Parameter('fails', False, 'Whether it cannot start.')])
+
+    def _prepare(self, values):
+        if values['file']:
+            open(values['file']).close()
+        super()._prepare(values)
+
+    def _start(self, frame, box):
+        if self.parameters['fails']:
+            raise RuntimeError('no such device')
+        return super()._start(frame, box)
+"""
+
+
+def test_faults_are_answered_and_told(tmp_path):
+    """Whatever a tracker raises, transitions and requests are answered, and the reason is said."""
+    (tmp_path / 'faulty.py').write_text(FAULTY)
+    information = tmp_path / 'faulty-1.0.dist-info'
+    information.mkdir()
+    (information / 'METADATA').write_text('Metadata-Version: 2.1\nName: faulty\nVersion: 1.0\n')
+    (information / 'entry_points.txt').write_text(
+        '[vtrack_ros.trackers]\nfaulty = faulty:Faulty\n')
+    file, scene = tmp_path / 'model', Scene()
+    file.touch()
+    prelude = f'sys.path.append({str(tmp_path)!r})'
+    with NodeProcess('-r', '__ns:=/faulty', prelude=prelude, entry='lifecycle_main',
+                     tracker='faulty', faulty__fails='true') as node, (
+            Client('/faulty/tracker')) as client:
+        assert client.parameters.wait_for_services(20)
+
+        def change(transition):
+            return client.ask('~/change_state', ChangeState,
+                              transition=Transition(id=transition)).success
+        assert not change(Transition.TRANSITION_CONFIGURE)
+        node.wait_for_log('not configured: faulty fails: RuntimeError: no such device')
+        refused = client.change(faulty__file=str(file) + '2')[0]
+        assert not refused.successful and 'faulty: FileNotFoundError' in refused.reason
+        box = list(map(float, scene.box(0).as_array()))
+        assert client.set_atomically(
+            faulty__file=str(file), faulty__fails=False, init_box=box).successful
+        assert change(Transition.TRANSITION_CONFIGURE) and change(Transition.TRANSITION_ACTIVATE)
+        client.ready().play(scene, range(3))
+        file.unlink()
+        answer = client.ask('~/reinit', Trigger)
+        assert not answer.success
+        assert answer.message.startswith('the target is kept as it was: faulty: FileNotFoundError')
+        assert overlap(client.play(scene, range(3, 6))[-1], scene.box(5)) > 0.4
+    alone = NodeProcess(prelude=prelude, tracker='faulty', faulty__fails='true')
+    assert alone.process.wait(20) == 2
+    assert alone.log.splitlines() == ['tracker: faulty fails: RuntimeError: no such device']
 
 
 def test_of_two_packages_with_one_name_a_single_one_is_used(site, repository, tmp_path):

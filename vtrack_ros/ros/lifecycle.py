@@ -28,7 +28,12 @@ class TrackerLifecycleNode(ParameterNode, LifecycleNode):
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Set up topics and services."""
-        self._pipeline = Pipeline(self)
+        try:
+            self._pipeline = Pipeline(self)
+        except Exception as error:
+            # rclpy would drop it without a word
+            self._log.error(f'not configured: {error}')
+            return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:

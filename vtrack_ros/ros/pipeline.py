@@ -76,6 +76,7 @@ class Pipeline:
 
     def activate(self) -> None:
         """Begin to take images."""
+        self._services.active = True
         settings = self._node.settings
         transport = settings.text('image_transport')
         self._diagnostics.images = Input(
@@ -88,6 +89,7 @@ class Pipeline:
 
     def deactivate(self) -> None:
         """Take no more images; the target is kept."""
+        self._services.active = False
         if self._diagnostics.images is not None:
             self._diagnostics.images.destroy()
             self._diagnostics.images = None

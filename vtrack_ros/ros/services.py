@@ -20,8 +20,8 @@ class Services:
     """
     Subscribes to the selections, and offers the services.
 
-    While `paused`, images aren't processed. `give_up` is called to forget the target; `changed`
-    after each service request, which may have changed the target or `paused`.
+    While `paused`, or not `active`, images aren't processed. `give_up` is called to forget the
+    target; `changed` after each service request, which may have changed the target or `paused`.
     """
 
     def __init__(self, node: ParameterNode, types: MessageTypes, with_vision: bool, target: Target,
@@ -33,7 +33,7 @@ class Services:
         self._log = log
         self._give_up = give_up
         self._changed = changed
-        self.paused = False
+        self.paused = self.active = False
         self._inputs = [Input(node, RegionOfInterest, '~/init_roi',
                               partial(self._select, from_roi, '~/init_roi')),
                         Input(node, PointStamped, '~/init_point',
@@ -86,7 +86,8 @@ class Services:
     def _on_detections(self, message: Any) -> None:
         """Select the best detection of the wanted class while there's no target or it's lost."""
         settings = self._node.settings
-        if self._target.wanted:
+        # What is found while no images are processed may have moved away by the next one.
+        if self.active and not self.paused and self._target.wanted:
             self._select(lambda array, source: best_detection(
                 array, settings.text('init_class'), settings.number('init_score'), source),
                 '~/init_detections', message)
@@ -119,7 +120,11 @@ class Services:
         return response
 
     def _on_reinit(self, _: Any, response: Any) -> Any:
-        response.success = self._node.session.restart() is not None
+        try:
+            response.success = self._node.session.restart() is not None
+        except ValueError as error:
+            response.success, response.message = False, f'the target is kept as it was: {error}'
+            return response
         self._changed()
         response.message = ('restarted on the last measured box' if response.success else
                             self._failed('there is no target to restart on; select one'))

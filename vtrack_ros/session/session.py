@@ -136,15 +136,20 @@ class TrackingSession:
         self._motion.restart()
 
     def restart(self) -> Estimate | None:
-        """Learn the target afresh where it was last measured, and go on; None without a target."""
-        return self._learn_afresh(self._last_measurement)
+        """
+        Learn the target afresh where it was last measured, and go on; None without a target.
+
+        ValueError if a new tracker can't be made; then the target is tracked as before.
+        """
+        seen, self._failure = self._last_measurement, ''
+        return None if seen is None else self._learn_afresh(seen)
 
     def resize(self, larger: bool) -> Estimate | None:
         """
         Learn the target afresh in the next larger or smaller extent that is found about it.
 
         It's found where the target was last measured; see `next_extent`. Returns None without a
-        target; ValueError if there's no such extent, then the target is tracked as before.
+        target; ValueError if there's no such extent, or as `restart`.
         """
         seen, self._failure = self._last_measurement, ''
         if seen is None:
@@ -152,11 +157,12 @@ class TrackingSession:
         box = next_extent(seen.frame, seen.bound, larger)
         return self._learn_afresh(LastMeasurement(seen.frame, seen.stamp, box))
 
-    def _learn_afresh(self, seen: LastMeasurement | None) -> Estimate | None:
+    def _learn_afresh(self, seen: LastMeasurement) -> Estimate | None:
         """Start a new tracker, and keep a new exemplar, where the target was seen."""
+        tracker = self._create(self._name)
         self._last_measurement = seen
-        estimate = self._take_over(self._create(self._name), afresh=True)
-        if seen is not None and estimate is not None:
+        estimate = self._take_over(tracker, afresh=True)
+        if estimate is not None:
             self._exemplar = Exemplar.of(seen.frame, seen.bound)
         return estimate
 
@@ -165,13 +171,17 @@ class TrackingSession:
         Track random pixels, so that all is loaded; to be called before the first start.
 
         Otherwise loading would take the time of several frames just when the target is selected.
+        ValueError if the tracker fails.
         """
         # NumPy loads it with the first median or percentile
         import_module('numpy.ma')
         ground = np.random.default_rng(0).integers(0, 256, (120, 160, 3), np.uint8)
-        self._tracker.start(ground, Box(60, 40, 40, 40))
-        for _ in range(3):
-            self._tracker.update(ground)
+        try:
+            self._tracker.start(ground, Box(60, 40, 40, 40))
+            for _ in range(3):
+                self._tracker.update(ground)
+        except Exception as error:
+            raise ValueError(f'{self._name} fails: {type(error).__name__}: {error}') from error
 
     def change(self, tracker: str | None = None, seed: int | None = None,
                parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
@@ -208,7 +218,8 @@ class TrackingSession:
             self._tracker = replacement
 
     def _create(self, name: str) -> Tracker:
-        return create_tracker(name, seed=self._seed, **self._parameters.get(name, {}))
+        with _named(name):
+            return create_tracker(name, seed=self._seed, **self._parameters.get(name, {}))
 
     def _start(self, tracker: Tracker, frame: Frame, stamp: int, box: Box) -> Estimate:
         estimate = tracker.start(frame, box)
@@ -274,5 +285,8 @@ def _named(owner: str) -> Iterator[None]:
     try:
         yield
     except (TypeError, ValueError) as error:
-        text = str(error)
-        raise type(error)(text if owner in text else f'{owner}.{text}') from None
+        text, kind = str(error), TypeError if isinstance(error, TypeError) else ValueError
+        raise kind(text if owner in text else f'{owner}.{text}') from None
+    except Exception as error:
+        # another package's tracker may raise anything, such as about a file that is gone
+        raise ValueError(f'{owner}: {type(error).__name__}: {error}') from error
