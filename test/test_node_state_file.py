@@ -95,6 +95,27 @@ def test_a_target_that_is_given_up_before_the_first_image(tmp_path, scene):
         assert not client.send(scene.frame(1), START + STEP).detections
 
 
+def test_a_detector_does_not_replace_a_saved_target(tmp_path, scene):
+    """A detection that comes before the first image, as while a node restarts, isn't taken."""
+    from rclpy.duration import Duration
+    from vision_msgs.msg import Detection2D, Detection2DArray, ObjectHypothesisWithPose
+    path = tmp_path / 'target.json'
+    with NodeProcess(state_file=path, init_box=box_parameter(scene.box(0))), Client() as client:
+        before = client.ready().send(scene.frame(0), START)
+    detection = Detection2D(results=[ObjectHypothesisWithPose()])
+    detection.results[0].hypothesis.score = 0.9
+    detection.bbox.center.position.x, detection.bbox.center.position.y = 120.0, 90.0
+    detection.bbox.size_x = detection.bbox.size_y = 24.0
+    with NodeProcess(state_file=path, init_from_detections='true') as process, (
+            Client()) as client:
+        detector = client.ready().publisher('~/init_detections', Detection2DArray)
+        detector.publish(Detection2DArray(detections=[detection]))
+        assert detector.wait_for_all_acked(Duration(seconds=10))
+        answer = client.send(scene.frame(1), START + STEP)
+        assert overlap(answer, scene.box(1)) > 0.5, process.log
+        assert answer.detections[0].id == before.detections[0].id
+
+
 def test_a_full_disk_is_told_once(tmp_path, scene):
     """If the file can't be written that's logged once, tracking goes on, and no file is left."""
     path = tmp_path / 'target.json'

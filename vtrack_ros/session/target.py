@@ -99,11 +99,13 @@ class Target:
         """
         Continue with a target of the same stream that `source` saved; return whether it was taken.
 
-        It takes precedence over `init_box`, but not over a target or any other selection.
+        It takes precedence over `init_box` and a detector's selection, but not over a target or
+        any other selection.
         ValueError if it can't be used.
         """
         pending = self._selector.pending
-        if self.estimate is not None or pending is not None and pending is not self.init_box:
+        chosen = pending is not None and pending is not self.init_box and not pending.automatic
+        if self.estimate is not None or chosen:
             return False
         seen, id_text = saved.measurement(), saved.identity[1]
         number = int(id_text) if id_text.isdecimal() else 0
