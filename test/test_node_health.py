@@ -253,6 +253,18 @@ def with_target_frame(client, words, frame_id='camera_optical'):
     return answer
 
 
+def test_a_camera_without_calibration_is_told_once(client, process):
+    """A driver without one sends zeros with every image: that's said once, not all the time."""
+    publisher = client.publisher('camera_info', CameraInfo)
+    since, words = len(process.log), 'fx and fy of k are 0 and 7'
+    until = time.monotonic() + 2.2
+    while time.monotonic() < until or words not in process.log[since:]:
+        publisher.publish(CameraInfo(k=[0.0, 0.0, 0.0, 0.0, 7.0, 0.0, 0.0, 0.0, 1.0]))
+        client.executor.spin_once(timeout_sec=0.1)
+        assert time.monotonic() < until + 20
+    assert process.log[since:].count(words) == 1
+
+
 def test_transform_without_tf2_msgs_is_said(client, process):
     """Without tf2_msgs the node logs what to install, and goes on."""
     if importlib.util.find_spec('tf2_msgs') is not None:

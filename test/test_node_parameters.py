@@ -80,6 +80,7 @@ def test_declared_from_the_table(talk):
     ('abmspf_paper.levels', 12, ['abmspf_paper.levels', '8, 16', 'not 12']),
     ('abmspf_paper.levels', '8', ['abmspf_paper.levels', '8, 16', "not '8'"]),
     ('seed', -1, ['seed', '0', '-1']),
+    ('init_class', 0, ['init_class must be text, in quotes: "\'0\'", not 0']),
     ('init_box', [1.0, 2.0, 3.0], ['init_box', '3 values', 'width']),
     ('init_box', [1.0, 2.0, -3.0, 4.0], ['init_box', 'positive', '-3']),
     ('init_box', [1.0, math.nan, 3.0, 4.0], ['init_box', 'finite']),
@@ -265,6 +266,7 @@ def test_init_box_may_be_empty_from_the_start(tmp_path, by_file):
     ('reliability', 'best-effort', ['reliability', 'best_effort', "not 'best-effort'"]),
     ('init_box', '[1.0, 2.0]', ['2 values', 'width']),
     ('gmpf.temperature', 'wide', ['gmpf.temperature', 'a number from', "not 'wide'"]),
+    ('init_class', '7', ['init_class must be text, in quotes: "\'7\'", not 7']),
     ('history_seconds', '3', ['history_seconds', 'from 0 to 30', 'decimal point: 3.0']),
     ('init_box', '[300, 200.5, 60, 80]', ['same type', '[300.0, 200.0, 60.0, 80.0]']),
 ])

@@ -217,7 +217,7 @@ class ParameterNode(Node):
                 raise ValueError(f'unknown parameter {name!r}; valid are {self._neighbours(name)}')
         elif not row.dynamic:
             raise ValueError(f'{name} is read-only: it is fixed when the node starts')
-        elif row.kind is float and type(value) is int:
+        elif type(value) is not row.kind:
             raise _wrong_type(row, value)
         else:
             row.checked(value)
@@ -240,8 +240,12 @@ class ParameterNode(Node):
 
 
 def _wrong_type(row: Parameter, value: Any) -> TypeError:
-    point = row.kind is float and type(value) is int
-    form = f', with a decimal point: {float(value)}' if point else ''
+    form = ''
+    if row.kind is float and type(value) is int:
+        form = f', with a decimal point: {float(value)}'
+    elif row.kind is str and not row.choices and type(value) in (int, float):
+        # quotes for YAML, within those that a shell removes
+        form = f', in quotes: "\'{value}\'"'
     return TypeError(f'{row.name} must be {row.valid}{form}, not {value!r}')
 
 

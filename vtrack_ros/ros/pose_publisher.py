@@ -40,6 +40,7 @@ class PosePublisher:
         self._types = types
         self._publishers = publishers
         self._camera: Camera | None = None
+        self._faults: set[str] = set()
         self.units = self._logged_units = ''
         self.offer()
 
@@ -83,15 +84,17 @@ class PosePublisher:
             self._publishers.publish_transform(header, position, estimate.angle, child)
 
     def on_camera_info(self, message: CameraInfo) -> None:
-        """Take a calibration; a wrong one is dropped, and the log says why."""
+        """Take a calibration; a wrong one is dropped, and the log says each reason once."""
         try:
             self._camera = camera_from_info(message)
         except ValueError as error:
             self._camera = None
             pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
-            self._log.warning(
-                f"{error}; {'the pose is in pixels' if pixels else 'there is no pose'}",
-                throttle_duration_sec=THROTTLE)
+            fault = f"{error}; {'the pose is in pixels' if pixels else 'there is no pose'}"
+            if fault not in self._faults:
+                # the driver of an uncalibrated camera sends this with every image
+                self._faults.add(fault)
+                self._log.warning(fault)
 
     def _published_at(self, header: Any) -> tuple[Any, float]:
         """Return the header to publish with, and how far it is ahead of the image [s]."""
