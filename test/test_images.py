@@ -250,6 +250,20 @@ def test_broken_compressed_images(data, kind):
         compressed_to_frame(SimpleNamespace(format=kind, data=data))
 
 
+@pytest.mark.parametrize('padding', [0, 500])
+def test_a_jpeg_that_is_cut_off_is_refused(padding):
+    """As a camera sends it whose connection is too slow; some versions of OpenCV fill the rest."""
+    noise = np.random.default_rng(6).integers(0, 256, (HEIGHT, WIDTH, 3)).astype(np.uint8)
+    data = cv2.imencode('.jpg', noise)[1].tobytes()
+    for length in (len(data) - 2, len(data) // 2):
+        with pytest.raises(ValueError, match='neither a whole jpeg'):
+            compressed_to_frame(SimpleNamespace(
+                format='jpeg', data=data[:length] + bytes(padding)))
+    # a driver may pad a whole one
+    assert compressed_to_frame(SimpleNamespace(
+        format='jpeg', data=data + bytes(padding))).shape == noise.shape
+
+
 def test_a_small_message_cannot_claim_a_huge_image():
     """It's refused, so that no memory is allocated for pixels that its bytes can't hold."""
     for kind, places in (('.png', ((16, 4), (20, 4))), ('.jpg', None)):

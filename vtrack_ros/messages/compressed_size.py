@@ -7,7 +7,9 @@ _LARGEST = 1 << 27
 #: Upper bound of the pixels that a byte holds: that of PNG, which compresses more, at 1 bit each.
 _PIXELS_PER_BYTE = 1032 * 8
 _PNG, _JPEG = b'\x89PNG\r\n\x1a\n', b'\xff\xd8'
-#: JPEG markers (ISO 10918-1): those without a segment, and frame headers, which hold the size.
+#: JPEG markers (ISO 10918-1): the end of an image; those without a segment, and frame headers,
+#: which hold the size.
+_END = b'\xff\xd9'
 _ALONE = frozenset((0x01, *range(0xd0, 0xd8)))
 _FRAMES = frozenset(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 
@@ -16,8 +18,8 @@ def checked_size(data: bytes) -> tuple[int, int]:
     """
     Return width and height of a compressed image in pixels, as in its header.
 
-    ValueError if it's neither a JPEG nor a PNG, or the size is more than its bytes can hold: a
-    decoder would allocate that first, gigabytes for a message of two hundred bytes.
+    ValueError if it's neither a whole JPEG nor a whole PNG, or the size is more than its bytes can
+    hold: a decoder would allocate that first, gigabytes for a message of two hundred bytes.
     """
     size = _png_size(data) if data.startswith(_PNG) else _jpeg_size(data)
     if size is None:
@@ -51,6 +53,9 @@ def _jpeg_size(data: bytes) -> tuple[int, int] | None:
     while 0 <= (at := data.find(b'\xff', at)) < len(data) - 8:
         marker = data[at + 1]
         if marker in _FRAMES:
+            if data.rfind(_END, at) < 0:
+                # cut off: some versions of OpenCV fill the rest
+                return None
             height, width = struct.unpack_from('>HH', data, at + 5)
             return width, height
         if marker in (0x00, 0xff):
