@@ -1,6 +1,5 @@
 """The command line: what it makes, and its errors for wrong arguments."""
 
-import io
 import os
 from pathlib import Path
 import signal
@@ -17,7 +16,6 @@ from vtrack_ros.bags import BagError, BagReader, BagWriter  # noqa: E402
 from vtrack_ros.bags.importing import record  # noqa: E402
 from vtrack_ros.bags.player import StopRequest  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
-from vtrack_ros.cli.progress import ProgressBar  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
 
 COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate', 'doctor', 'layout', 'select')
@@ -334,25 +332,6 @@ def test_interrupted(tmp_path):
     # signal, though KeyboardInterrupt was caught: a shell reports 130 for both.
     assert process.returncode in (130, -signal.SIGINT)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_interrupted_at_the_first_line_of_progress(monkeypatch):
-    """A Ctrl-C while the bar is being created isn't lost, and leaves no partial bar."""
-    class Terminal(io.StringIO):
-
-        def write(self, text):
-            signal.raise_signal(signal.SIGINT)
-            return len(text)
-
-    failures, interrupted = [], False
-    monkeypatch.setattr(sys, 'unraisablehook', failures.append)
-    monkeypatch.setattr(sys, 'stderr', Terminal())
-    try:
-        ProgressBar('frames')(1, 10)
-    except KeyboardInterrupt:
-        # Not pytest.raises, which would keep the traceback, and with it the bar.
-        interrupted = True
-    assert interrupted and failures == []
 
 
 def test_playing_at_a_rate_of_almost_nothing():

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import io
 import signal
 import sys
+from types import FrameType
 from typing import Any, TypeVar
 
 Frame = TypeVar('Frame')
@@ -39,11 +40,18 @@ class ProgressBar:
 
 
 def with_progress(frames: Iterable[Frame], total: int | None) -> Iterator[Frame]:
-    """Yield what there is of each frame, and show how many of `total` were yielded."""
+    """
+    Yield what there is of each frame, and show how many of `total` were yielded.
+
+    A Ctrl-C that was lost, as one in a destructor is, ends it at the next frame.
+    """
     show = ProgressBar('frames')
-    for done, frame in enumerate(frames, start=1):
-        show(done, total)
-        yield frame
+    with _interrupts() as came:
+        for done, frame in enumerate(frames, start=1):
+            if came:
+                raise KeyboardInterrupt
+            show(done, total)
+            yield frame
 
 
 class _LogLines(io.StringIO):
@@ -53,6 +61,24 @@ class _LogLines(io.StringIO):
         if line := text.strip():
             print(line, file=sys.stderr, flush=True)
         return len(text)
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Note each Ctrl-C, whether or not its KeyboardInterrupt gets through."""
+    came: list[int] = []
+    earlier = signal.getsignal(signal.SIGINT)
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        if callable(earlier):
+            earlier(number, frame)
+    if earlier is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, earlier)
 
 
 @contextmanager
