@@ -56,6 +56,12 @@ def test_cadence_counts_frame_intervals():
     assert estimator.steps(510) == 5
 
 
+def test_a_long_first_interval_is_not_the_usual_one():
+    """After a gap right behind the start, as while topics are discovered, each frame is one."""
+    estimator = FrameIntervalEstimator()
+    assert [estimator.steps(interval * 10**6) for interval in (2000, 33, 33, 34)][1:] == [1, 1, 1]
+
+
 def test_a_slow_cameras_interval_is_more_than_one():
     """At ten frames a second one is two and a half intervals of 40 ms, and a lost one as many."""
     estimator = FrameIntervalEstimator()

@@ -1,7 +1,7 @@
 """The usual interval between frames, and how many frames passed or never came in a longer one."""
 
 from collections import deque
-from statistics import median
+from statistics import median_low
 
 import numpy as np
 
@@ -31,8 +31,8 @@ class FrameIntervalEstimator:
 
     @property
     def interval(self) -> float | None:
-        """Return the usual interval [ns], robust to jitter and lost frames."""
-        return median(list(self._intervals)[-_MEDIAN_COUNT:]) if self._intervals else None
+        """Return the usual interval [ns], robust to jitter and lost frames; of two, the shorter."""
+        return median_low(list(self._intervals)[-_MEDIAN_COUNT:]) if self._intervals else None
 
     def add(self, interval: int) -> None:
         """Take the next interval between two stamps, in nanoseconds."""
