@@ -31,7 +31,7 @@ class FrameIntervalEstimator:
 
     @property
     def interval(self) -> float | None:
-        """Return the usual interval [ns], robust to jitter and lost frames; of two, the shorter."""
+        """Return the usual interval [ns], robust to jitter and lost frames; the lower of two."""
         return median_low(list(self._intervals)[-_MEDIAN_COUNT:]) if self._intervals else None
 
     def add(self, interval: int) -> None:
