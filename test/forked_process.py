@@ -131,6 +131,8 @@ def _keep(status: int, output: int, module: str, function: str, arguments: list[
         os.dup2(output, 2)
         os.close(output)
         os.close(status)
+        # the server's own may know its output as a file, in which one can seek
+        sys.stdout = open(1, 'w', closefd=False)
         os.environ.clear()
         os.environ.update(environment)
         sys.argv = ['-c', *arguments]
