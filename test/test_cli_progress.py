@@ -9,6 +9,14 @@ import pytest
 from vtrack_ros.cli.progress import ProgressBar, with_progress
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c():
+    """Let Ctrl-C have its usual effect, whatever handler other tests of the process have left."""
+    earlier = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, earlier or signal.default_int_handler)
+
+
 def test_interrupted_at_the_first_line_of_progress(monkeypatch):
     """A Ctrl-C while the bar is being created isn't lost, and leaves no partial bar."""
     class Terminal(io.StringIO):

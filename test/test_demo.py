@@ -133,9 +133,11 @@ def test_wrong_arguments(tmp_path, arguments, words, capsys):
 
 
 def test_a_domain_that_is_none(tmp_path, monkeypatch, capsys):
-    """What ROS refuses is an error in words, with code 2."""
+    """What ROS refuses is an error in words, with code 2; Ctrl-C has the effect that it had."""
     monkeypatch.setenv('ROS_DOMAIN_ID', 'seven')
+    handler = signal.getsignal(signal.SIGINT)
     assert main(['--out', str(tmp_path)]) == 2
+    assert signal.getsignal(signal.SIGINT) is handler
     assert capsys.readouterr().err.splitlines()[-1].startswith('demo: failed to initialize rcl')
 
 

@@ -62,11 +62,11 @@ class Recorder:
     def __enter__(self) -> Self:
         """Subscribe."""
         self._context = Context()
+        rclpy.init(args=[], context=self._context,
+                   signal_handler_options=rclpy.SignalHandlerOptions.NO)
         # KeyboardInterrupt within the making of a message would come out as another exception.
         self._signals = handling_signals(self._interrupt)
         self._signals.__enter__()
-        rclpy.init(args=[], context=self._context,
-                   signal_handler_options=rclpy.SignalHandlerOptions.NO)
         self._node = rclpy.create_node('recorder', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
