@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from itertools import chain
+from itertools import chain, product
 
 from drawn_video import box_at, DrawnVideo, look_alike, region_at, TARGET, texture
 import numpy as np
@@ -166,7 +166,7 @@ def test_a_target_that_left_is_seldom_taken_for_another(repository):
         frames = [(image.frame, truth[image.stamp]) for image in bag.frames()]
     first, box = frames[0]
     taken = []
-    for seed, name in enumerate(('gmpf', 'abmspf', 'appf', 'dcf')):
+    for name, seed in product(('gmpf', 'abmspf', 'appf', 'dcf'), range(2)):
         tracker = create_tracker(name, seed=seed)
         tracker.start(first, box)
         estimates = [tracker.update(frame) for frame, _ in frames[1:]]
