@@ -101,16 +101,16 @@ def test_source_of_another_package_s_tracker(tmp_path, monkeypatch):
     (package / 'mine.py').write_text(
         'from company_of_trackers import inner\n'
         'from company_of_trackers.inner import helper\n'
-        'from company_of_trackers.inner._core import step\n'
+        'from company_of_trackers.inner.core import step\n'
         'try:\n    from ._version import version\nexcept ImportError:\n    pass\n')
     (package / 'helper.py').write_text('import company_of_trackers.inner.mine')
-    compiled = package / f'_core{EXTENSION_SUFFIXES[0]}'
+    compiled = package / f'core{EXTENSION_SUFFIXES[0]}'
     compiled.write_bytes(b'\x7fELF')
     monkeypatch.syspath_prepend(tmp_path)
     name = 'company_of_trackers.inner.mine'
     assert source_files(name) == {
         name: package / 'mine.py', 'company_of_trackers.inner.helper': package / 'helper.py',
-        'company_of_trackers.inner._core': compiled}
+        'company_of_trackers.inner.core': compiled}
     before = source_hash(name)
     compiled.write_bytes(b'\x7fELF 2')
     assert source_hash(name) != before

@@ -1,6 +1,6 @@
 """The signals that request a program's end."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import signal
 from types import FrameType
@@ -13,9 +13,11 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 
 @contextmanager
-def handling_signals(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Install a handler for these signals; on exit, the earlier handlers are restored."""
-    earlier = {number: signal.signal(number, handler) for number in ending_signals()}
+def handling_signals(handler: Callable[[int, FrameType | None], object],
+                     numbers: Sequence[signal.Signals] | None = None) -> Iterator[None]:
+    """Install a handler for `ending_signals`, or those given; on exit the earlier is restored."""
+    earlier = {number: signal.signal(number, handler)
+               for number in (ending_signals() if numbers is None else numbers)}
     try:
         yield
     finally:

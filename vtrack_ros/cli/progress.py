@@ -8,6 +8,8 @@ import sys
 from types import FrameType
 from typing import Any, TypeVar
 
+from vtrack_ros.signals import handling_signals
+
 Frame = TypeVar('Frame')
 
 #: Minimum interval between two lines of a log, in seconds.
@@ -73,22 +75,17 @@ def _interrupts() -> Iterator[list[int]]:
         came.append(number)
         if callable(earlier):
             earlier(number, frame)
-    if earlier is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, note)
-    try:
+    with handling_signals(note, () if earlier is signal.SIG_IGN else (signal.SIGINT,)):
         yield came
-    finally:
-        signal.signal(signal.SIGINT, earlier)
 
 
 @contextmanager
 def _interrupt_later() -> Iterator[None]:
     """Defer Ctrl-C to the end of the context: a half-constructed bar raises when destroyed."""
     came: list[int] = []
-    earlier = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     try:
-        yield
+        with handling_signals(lambda number, _: came.append(number), (signal.SIGINT,)):
+            yield
     finally:
-        signal.signal(signal.SIGINT, earlier)
         for number in came[:1]:
             signal.raise_signal(number)
