@@ -1,7 +1,6 @@
 """Playing a bag over real DDS to another process."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -11,63 +10,23 @@ import time
 import numpy as np
 import pytest
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
-from rclpy.context import Context  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
 from rclpy.publisher import Publisher  # noqa: E402
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.qos import DurabilityPolicy, QoSProfile  # noqa: E402
 from rosbags.interfaces import (  # noqa: E402
     Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime)
 from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: E402
-from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402
+from shared_segments import kill  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
+from vtrack_play import finish, Listener, PATIENCE, play  # noqa: E402
 
 from vtrack_ros.bags import BagReader, messages  # noqa: E402
 from vtrack_ros.bags.player import Pace, Player  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
-from vtrack_ros.dds import leave, VARIABLES  # noqa: E402
+from vtrack_ros.dds import VARIABLES  # noqa: E402
 from vtrack_ros.messages.images import stamp_nanoseconds, to_frame  # noqa: E402
-
-PATIENCE = 30.0
-
-
-class Listener:
-    """A node that stores the messages that it receives."""
-
-    def __init__(self):
-        self.context = Context()
-        rclpy.init(context=self.context)
-        self.node = Node('listener', context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
-
-    def hear(self, kind, topic, reliability=ReliabilityPolicy.RELIABLE, qos=None):
-        """Subscribe; return the list of messages with the time of their arrival."""
-        heard = []
-        qos = qos or QoSProfile(depth=1000, reliability=reliability)
-        self.node.create_subscription(
-            kind, topic, lambda message: heard.append((time.monotonic(), message)), qos)
-        return heard
-
-    def spin_until(self, condition, what):
-        """Spin until a condition holds."""
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, what
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def __enter__(self):
-        """Return the listener."""
-        return self
-
-    def __exit__(self, *_):
-        """Take the node down."""
-        self.executor.shutdown()
-        leave(self.node)
-        rclpy.try_shutdown(context=self.context)
 
 
 def latched_bag(path, topic='/latched'):
@@ -88,25 +47,6 @@ def latched_bag(path, topic='/latched'):
             for stamp in stamps:
                 writer.write(connection, stamp, data)
     return path
-
-
-def play(*arguments, command=('-m', 'vtrack_ros.cli.command_line')):
-    """Start a player."""
-    return subprocess.Popen(
-        [sys.executable, *command, 'play', *map(str, arguments)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
-
-
-def finish(player, number=None):
-    """Return exit code, output and errors of a player; send it a signal first, if one is given."""
-    if number is not None:
-        player.send_signal(number)
-    try:
-        out, err = player.communicate(timeout=PATIENCE)
-    finally:
-        player.kill()
-    assert 'Traceback' not in err, err
-    return player.returncode, out, err
 
 
 @pytest.mark.parametrize('bag, topic', [('face_fast', 'camera'), ('full_occlusion', 'image')])
@@ -170,8 +110,7 @@ while len(heard) < 50:
         # It ends when it has heard all of them.
         assert listener.wait(PATIENCE) == 0
     finally:
-        listener.kill()
-        listener.wait()
+        kill(listener)
 
 
 LATE = """
@@ -201,17 +140,16 @@ def test_the_first_image_is_waited_for(repository):
 
     try:
         with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
-            with Player(own.node, bag, ['image']) as player:
+            with Player(own.node, bag, ['image'], pace=Pace(rate=0.05)) as player:
                 assert player.wait_for_subscribers(PATIENCE)
                 threading.Thread(target=listen, args=(player,), daemon=True).start()
                 # Once discovered, it's stopped before the first image, for more than an interval.
                 listener.send_signal(signal.SIGSTOP)
                 threading.Timer(1.2, listener.send_signal, (signal.SIGCONT,)).start()
-                player.play(Pace(rate=0.05), patience=PATIENCE)
+                player.play(patience=PATIENCE)
             assert heard[:3] == [image.stamp for image in bag.frames()][:3]
     finally:
-        listener.kill()
-        listener.wait()
+        kill(listener)
 
 
 def test_a_subscriber_that_never_receives_the_first_image_is_named(repository, capfd):
@@ -219,16 +157,15 @@ def test_a_subscriber_that_never_receives_the_first_image_is_named(repository, c
     hanging = subprocess.Popen([sys.executable, '-c', LATE], stdout=subprocess.DEVNULL)
     try:
         with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
-            with Player(own.node, bag, ['image']) as player:
+            with Player(own.node, bag, ['image'], pace=Pace(rate=10.0)) as player:
                 assert player.wait_for_subscribers(PATIENCE)
                 hanging.send_signal(signal.SIGSTOP)
-                played = player.play(Pace(rate=10.0), patience=0.3)
+                played = player.play(patience=0.3)
         assert played.images == 50
         said = capfd.readouterr().err
         assert '/image' in said and 'not received the first image within 0.3 s' in said
     finally:
-        hanging.kill()
-        hanging.wait()
+        kill(hanging)
 
 
 def test_a_player_that_was_held_up_keeps_the_pace(repository):
@@ -263,29 +200,9 @@ def test_a_publication_that_takes_long_is_followed_by_a_whole_interval(repositor
     with Listener() as own, BagReader(repository / 'bags' / 'face_fast') as bag:
         due = [message.received / 1e9 for message in bag.raw({'/image'})]
         with Player(own.node, bag, ['image']) as player:
-            assert player.play(Pace()).images == len(due)
+            assert player.play().images == len(due)
     # a lower bound: a busy machine only makes the wait longer
     assert began[6] - ended[5] > 0.99 * (due[6] - due[5])
-
-
-def test_clock_loop_and_best_effort(repository):
-    """The bag's time is published on /clock; a loop runs until it's stopped, with exit code 0."""
-    with Listener() as listener:
-        ticks = listener.hear(Clock, '/clock', ReliabilityPolicy.BEST_EFFORT)
-        heard = listener.hear(Image, 'image', ReliabilityPolicy.BEST_EFFORT)
-        player = play(repository / 'bags' / 'face_fast', '--loop', '--clock', 150, '--rate', 4,
-                      '--qos', 'best_effort', '--wait', PATIENCE)
-        listener.spin_until(lambda: len(heard) > 120 or player.poll() is not None, 'no loop')
-        code, out, _ = finish(player, signal.SIGINT)
-    assert code == 0
-    assert 'images in' in out.splitlines()[-1]
-    stamps = [stamp_nanoseconds(message.header.stamp) for _, message in heard]
-    assert any(later < earlier for earlier, later in zip(stamps, stamps[1:]))
-    times = [stamp_nanoseconds(message.clock) for _, message in ticks]
-    assert min(times) >= min(stamps) and max(times) <= max(stamps)
-    # Before each image; and 150 times a second, at four times the speed every 26.7 ms.
-    assert set(times) > set(stamps)
-    assert min(set(times) - set(stamps)) - min(stamps) == 26_666_667
 
 
 def test_signal_ends_it(repository):

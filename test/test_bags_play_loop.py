@@ -1,4 +1,4 @@
-"""Playing: a bag that takes no time, one with a time of its own, and what can't be played."""
+"""Playing: a bag that takes no time, and what can't be played."""
 
 import time
 from types import SimpleNamespace
@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagReader, BagWriter, messages  # noqa: E402
-from vtrack_ros.bags.player import Pace, Player, StopRequest  # noqa: E402
+from vtrack_ros.bags.player import Pace, Player  # noqa: E402
 from vtrack_ros.bags.topics import Topic  # noqa: E402
-from vtrack_ros.cli.command_line import main  # noqa: E402
+from vtrack_ros.signals import StopRequest  # noqa: E402
 
 
 class Publisher:
@@ -52,25 +52,10 @@ def test_a_single_image_is_repeated_at_the_rate_of_a_video(tmp_path):
     stop = StopRequest()
     node = Node(Publisher(stop, 6))
     began = time.monotonic()
-    with BagReader(tmp_path / 'bag') as bag, Player(node, bag, stop=stop) as player:
-        played = player.play(Pace(loop=True))
+    with BagReader(tmp_path / 'bag') as bag, (
+            Player(node, bag, stop=stop, pace=Pace(loop=True))) as player:
+        played = player.play()
     assert played.images == 6 and 0.15 < time.monotonic() - began < 5
-
-
-def test_two_clocks(tmp_path, capfd):
-    """A simulation's bag has a /clock: with --clock, time would jump to and fro."""
-    types = messages.typestore().types
-    now = types['builtin_interfaces/msg/Time'](12, 0)
-    with BagWriter(tmp_path / 'bag') as bag:
-        bag.write_frame(np.zeros((8, 8, 3), np.uint8), 10**9)
-        bag.write('/clock', types['rosgraph_msgs/msg/Clock'](now), 10**9)
-    play = ['play', str(tmp_path / 'bag'), '--wait', '0']
-    assert main([*play, '--clock']) == 2
-    [line] = capfd.readouterr().err.splitlines()
-    assert 'has a /clock of its own' in line
-    assert main([*play, '--clock', '--remap', 'clock:=simulated']) == 0
-    assert main([*play, '--clock', '--topic', 'image']) == 0
-    assert main(play) == 0
 
 
 @pytest.mark.parametrize('kind, words', [

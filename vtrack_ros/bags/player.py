@@ -1,22 +1,26 @@
 """Publishing a bag over ROS, at the pace at which it was recorded."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-import queue
-from threading import TIMEOUT_MAX
 import time
 from typing import Any, Self
 
 from vtrack_ros.bags import messages
 from vtrack_ros.bags.errors import BagError
-from vtrack_ros.bags.reader import BagReader
+from vtrack_ros.bags.reader import BagReader, RawMessage
 from vtrack_ros.bags.topics import absolute, checked_topic, Topic
+from vtrack_ros.signals import StopRequest
 
 #: Time-out at the end for reliable subscribers to acknowledge what was sent, in seconds.
 _LONGEST_WAIT = 2.0
 #: Interval at which a request to stop is checked during such a wait, in seconds.
 _PAUSE = 0.05
+#: For how long, in seconds, /clock has a time before the first image: as best effort, it isn't
+#: acknowledged, and reaches no subscriber that doesn't know the player yet.
+_CLOCK_LEAD = 0.2
+#: Interval at which it's published meanwhile, and at which subscribers are looked for, in seconds.
+_CLOCK_INTERVAL = 0.02
 #: Delay, in seconds, above which the schedule of the remaining messages is shifted: a hold-up by a
 #: busy disk, Ctrl-Z, or Fast DDS, which takes 1/3 s to check whether a new participant is alive.
 _MOST_DELAY = 0.02
@@ -50,34 +54,6 @@ class Played:
     seconds: float = 0.0
 
 
-class StopRequest:
-    """
-    A request to stop that can be waited for, like `threading.Event`, but safe in signal handlers.
-
-    The lock of a `threading.Event` may be held by the code that a handler interrupts, which may
-    even be another handler.
-    """
-
-    def __init__(self) -> None:
-        self._requests: queue.SimpleQueue[None] = queue.SimpleQueue()
-
-    def make(self) -> None:
-        """Make the request."""
-        self._requests.put(None)
-
-    def made(self) -> bool:
-        """Return whether the request was made."""
-        return not self._requests.empty()
-
-    def wait(self, seconds: float) -> bool:
-        """Wait until it's made, for `seconds` at most; return whether it was made."""
-        try:
-            self._requests.put(self._requests.get(timeout=min(seconds, TIMEOUT_MAX)))
-        except queue.Empty:
-            return False
-        return True
-
-
 class Player:
     """
     Publishes the raw messages of an open bag through an rclpy node; a context manager.
@@ -85,13 +61,15 @@ class Player:
     `topics` are by default all with messages; `names` maps topics of the bag to the names to
     publish on, where these differ. `reliability` is reliable, best_effort, or auto: as it was
     offered at recording; durability always is as it was offered. `stop` ends the playing.
-    BagError if a topic isn't in the bag, none can be played, or a name isn't valid in ROS.
+    BagError if a topic isn't in the bag, none can be played, a name isn't valid in ROS, or the bag
+    has a ``/clock`` of its own and the pace another.
     """
 
     def __init__(self, node: Any, bag: BagReader, topics: Iterable[str] | None = None,
                  names: Mapping[str, str] | None = None, reliability: str = 'auto',
-                 stop: StopRequest | None = None) -> None:
+                 stop: StopRequest | None = None, pace: Pace = Pace()) -> None:
         self._node = node
+        self._pace = pace
         self._bag = bag
         self._names = {absolute(old): absolute(new) for old, new in (names or {}).items()}
         self._reliability = reliability
@@ -100,6 +78,8 @@ class Player:
         self.skipped: list[str] = []
         self.topics = self._chosen(topics)
         self._check_names()
+        # Before the others, for publishers are discovered in the order of their creation.
+        self._clock = self._clock_publisher() if pace.clock else None
         for topic in self.topics:
             self._publishers[topic.name] = self._publisher(topic)
             if topic.message_type in messages.IMAGE_TYPES:
@@ -112,7 +92,7 @@ class Player:
 
     def __exit__(self, *_: object) -> None:
         """Take the publishers down."""
-        for publisher in self._publishers.values():
+        for publisher in filter(None, (self._clock, *self._publishers.values())):
             self._node.destroy_publisher(publisher)
 
     def published_name(self, topic: str) -> str:
@@ -120,18 +100,30 @@ class Player:
         return self._names.get(topic, topic)
 
     def wait_for_subscribers(self, seconds: float) -> bool:
-        """Wait until all image topics (all topics, if none) have a subscriber, or time is up."""
+        """
+        Wait until all image topics (all topics, if none) have a subscriber, or time is up.
+
+        Meanwhile ``/clock`` has the time of the beginning, as a program may wait for a time before
+        it subscribes.
+        """
         needed = [self._publishers[name] for name in self._images or self._publishers]
+        # read for a clock only: to begin a bag that is compressed as a whole takes a while
+        beginning = next((one.received for one in self._messages()), 0) if self._pace.clock else 0
         deadline = time.monotonic() + seconds
+        found: float | None = None
         while not self.stop.made():
+            self._publish_clock(beginning)
+            now = time.monotonic()
             if all(publisher.get_subscription_count() for publisher in needed):
-                return True
-            if time.monotonic() >= deadline:
+                found = now if found is None else found
+                if self._clock is None or now - found >= _CLOCK_LEAD:
+                    return True
+            elif now >= deadline:
                 return False
-            self.stop.wait(0.01)
+            self.stop.wait(_CLOCK_INTERVAL)
         return False
 
-    def play(self, pace: Pace, patience: float = 0.0) -> Played:
+    def play(self, patience: float = 0.0) -> Played:
         """
         Publish until the end or a request to stop; BagError if the bag turns out to be broken.
 
@@ -142,34 +134,34 @@ class Player:
         discover the player later than it discovers them.
         """
         played = Played({self.published_name(topic.name): 0 for topic in self.topics})
-        clock = self._clock_publisher() if pace.clock else None
         began = time.monotonic()
         while True:
             again = time.monotonic() + _LEAST_PERIOD
-            self._play_once(pace, clock, played, patience)
-            if self.stop.made() or not pace.loop or not self._sleep_until(again):
+            self._play_once(played, patience)
+            if self.stop.made() or not self._pace.loop or not self._sleep_until(again):
                 break
         played.seconds = time.monotonic() - began
         self._wait_until_received(self._publishers, _LONGEST_WAIT)
         return played
 
-    def _play_once(self, pace: Pace, clock: Any, played: Played, patience: float) -> None:
+    def _play_once(self, played: Played, patience: float) -> None:
+        pace = self._pace
         began = time.monotonic()
         first: int | None = None
         tick = 0
-        for message in self._bag.raw({topic.name for topic in self.topics}):
+        for message in self._messages():
             first = message.received if first is None else first
             due = (message.received - first) / 1e9 / pace.rate
-            while clock is not None and tick / pace.clock <= due:
+            while pace.clock and tick / pace.clock <= due:
                 if not self._sleep_until(began + tick / pace.clock):
                     return
-                clock(first + round(tick / pace.clock * pace.rate * 1e9))
+                self._publish_clock(first + round(tick / pace.clock * pace.rate * 1e9))
                 tick += 1
             if not self._sleep_until(began + due):
                 return
-            if clock is not None and message.topic in self._images:
+            if message.topic in self._images:
                 # Since the last tick time has stood still: the image would come before its time.
-                clock(message.received)
+                self._publish_clock(message.received)
             self._publishers[message.topic].publish(bytes(message.data))
             # publishing itself may be held up, so the delay is measured after it
             if (late := time.monotonic() - began - due) > _MOST_DELAY:
@@ -209,6 +201,9 @@ class Player:
         left = moment - time.monotonic()
         return not (self.stop.wait(left) if left > 0 else self.stop.made())
 
+    def _messages(self) -> Iterator[RawMessage]:
+        return self._bag.raw({topic.name for topic in self.topics})
+
     def _chosen(self, wanted: Iterable[str] | None) -> list[Topic]:
         known = self._bag.topics
         if wanted is None:
@@ -244,6 +239,9 @@ class Player:
             if kind != topic.message_type:
                 raise BagError(f'{name} cannot carry both {kind} and {topic.message_type}; give '
                                'another --remap, or choose with --topic')
+        if self._pace.clock and '/clock' in types:
+            raise BagError(f'{self._bag.path} has a /clock of its own, which --clock would '
+                           'contradict: leave out --clock, or give --remap /clock:=OTHER')
 
     def _publisher(self, topic: Topic) -> Any:
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -260,11 +258,15 @@ class Player:
 
     def _clock_publisher(self) -> Any:
         from rclpy.qos import QoSProfile, ReliabilityPolicy
-        from rclpy.time import Time
-        from rosgraph_msgs.msg import Clock
-        publisher = self._node.create_publisher(
-            Clock, '/clock', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
-        return lambda now: publisher.publish(Clock(clock=Time(nanoseconds=now).to_msg()))
+        return self._node.create_publisher(
+            _message_class('rosgraph_msgs/msg/Clock'), '/clock',
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+
+    def _publish_clock(self, now: int) -> None:
+        """Publish a time [ns], if there's to be a clock."""
+        if self._clock is not None:
+            from rclpy.time import Time
+            self._clock.publish(self._clock.msg_type(clock=Time(nanoseconds=now).to_msg()))
 
 
 def _why_not(topic: Topic) -> str:

@@ -5,13 +5,13 @@ import json
 from pathlib import Path
 import sys
 
-from vtrack_ros.bags import BagError, BagReader
-from vtrack_ros.bags.player import Pace, Played, Player, StopRequest
+from vtrack_ros.bags import BagReader
+from vtrack_ros.bags.player import Pace, Played, Player
 from vtrack_ros.cli.arguments import duration, positive_number
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.load_ros import load_rclpy
 from vtrack_ros.dds import leave
-from vtrack_ros.signals import handling_signals
+from vtrack_ros.signals import handling_signals, StopRequest
 
 EXAMPLES = """examples:
   vtrack play bags/face_fast
@@ -66,8 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
                        signal_handler_options=rclpy.SignalHandlerOptions.NO)
             node = rclpy.create_node('vtrack_play', context=context)
             try:
-                with Player(node, bag, arguments.topic, dict(arguments.remap), arguments.qos,
-                            stop) as player:
+                with Player(node, bag, arguments.topic, dict(arguments.remap), arguments.qos, stop,
+                            Pace(arguments.rate, arguments.loop, arguments.clock)) as player:
                     _play(player, bag, arguments)
             finally:
                 leave(node)
@@ -77,9 +77,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None:
     published = [player.published_name(topic.name) for topic in player.topics]
-    if arguments.clock and '/clock' in published:
-        raise BagError(f'{arguments.bag} has a /clock of its own, which --clock would contradict: '
-                       'leave out --clock, or give --remap /clock:=OTHER')
     # With --json, standard output has the JSON alone.
     stream = sys.stderr if arguments.json else sys.stdout
     for reason in player.skipped:
@@ -90,7 +87,7 @@ def _play(player: Player, bag: BagReader, arguments: argparse.Namespace) -> None
     if arguments.wait and not (player.wait_for_subscribers(arguments.wait) or player.stop.made()):
         print(f'no node has subscribed within {arguments.wait:g} s: playing anyway',
               file=stream, flush=True)
-    played = player.play(Pace(arguments.rate, arguments.loop, arguments.clock), arguments.wait)
+    played = player.play(arguments.wait)
     _report(played, arguments.json)
 
 

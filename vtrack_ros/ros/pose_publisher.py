@@ -104,6 +104,11 @@ class PosePublisher:
         age = (now - stamp_nanoseconds(header.stamp)) / 1e9
         if 0 <= age <= LONGEST_FORECAST:
             return poses.header(self._types, now, header.frame_id), age
+        if not now:
+            self._log.warning(
+                'predict_to_now: use_sim_time is true, but /clock has had no time yet: published '
+                'without prediction', throttle_duration_sec=THROTTLE)
+            return header, 0.0
         if -_CLOCKS_APART <= age < 0:
             return header, 0.0
         self._log.warning(
