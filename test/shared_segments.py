@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+import subprocess
+
+from vtrack_ros.dds import give_memory_back
 
 
 def segments(processes: Iterable[int]) -> set[Path]:
@@ -28,3 +31,11 @@ def group(leader: int) -> list[int]:
         if int(fields[2]) == leader:
             found.append(int(stat.parent.name))
     return found
+
+
+def kill(process: subprocess.Popen[str] | subprocess.Popen[bytes]) -> None:
+    """Kill a process, if it hasn't ended, without leaving its shared memory behind."""
+    if process.poll() is None:
+        give_memory_back(process.pid)
+    process.kill()
+    process.wait()

@@ -5,6 +5,7 @@ import signal
 import textwrap
 
 import pytest
+from shared_segments import segments
 
 from vtrack_ros.demo import processes
 from vtrack_ros.demo.processes import Child, DemoError, end_all
@@ -46,6 +47,18 @@ def test_a_process_that_ignores_sigterm_is_killed_and_named(child, capsys, monke
     end_all([deaf])
     assert not deaf.running
     assert 'the worker did not end on request, and was killed' in capsys.readouterr().err
+
+
+def test_a_killed_process_leaves_no_memory(child):
+    """A node that ignores SIGTERM is killed, and its shared memory is freed."""
+    deaf = child('import rclpy\n'
+                 'rclpy.init()\n'
+                 'node = rclpy.create_node("deaf")\n'
+                 'signal.signal(signal.SIGTERM, signal.SIG_IGN)\n'
+                 'print(os.getpid())\n')
+    shared = segments([int(deaf.said.split()[-2])])
+    assert deaf.kill(0.0) is not None
+    assert shared and not any(one.exists() for one in shared)
 
 
 def test_a_failure_is_said_once(child, capsys):

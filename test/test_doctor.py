@@ -9,7 +9,7 @@ from node_harness import Client, END_WITH_PARENT, image_message, Scene
 import pytest
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from sensor_msgs.msg import CompressedImage, Image
-from shared_segments import segments
+from shared_segments import kill, segments
 from vtrack_ros.cli import installation
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import abandoned_memory, profile_path, SHARED_MEMORY, VARIABLES, with_profile
@@ -179,8 +179,7 @@ def test_lost_images(capsys):
             client.until(lambda: client.node.count_publishers('/camera/image_raw'), 'no camera')
             code, found = lines(capsys, '--seconds', '1')
     finally:
-        camera.kill()
-        camera.wait()
+        kill(camera)
     assert code == 1
     line = starting(found, 'wrong /camera/image_raw')
     assert 'lost in transit' in line or 'no image was received' in line

@@ -11,6 +11,7 @@ from node_harness import Client, diagnosis, image_message, NodeProcess, overlap,
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
+from shared_segments import kill
 
 SCENE = Scene()
 BOX = '[' + ', '.join(str(value) for value in SCENE.box(0).as_array()) + ']'
@@ -274,5 +275,4 @@ def test_example_of_the_manual(repository):
                 return example.poll() is not None
             client.until(ended, 'the example did not end')
         finally:
-            example.kill()
-            example.wait()
+            kill(example)

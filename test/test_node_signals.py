@@ -9,7 +9,7 @@ import time
 
 from node_harness import Client, NodeProcess, PATIENCE, Scene, STEP
 import pytest
-from shared_segments import segments
+from shared_segments import kill, segments
 from vtrack_ros.dds import SHARED_MEMORY
 
 #: Signals that end the node; closing a terminal sends the last one.
@@ -85,8 +85,7 @@ def test_a_middleware_that_hangs_does_not_keep_it(hanging, repository, program, 
         process.send_signal(signal.SIGINT)
         output = process.communicate(timeout=PATIENCE)[0]
     finally:
-        process.kill()
-        process.wait()
+        kill(process)
     assert process.returncode == code and 'Traceback' not in output, output
     assert shared and not any(one.exists() for one in shared)
     assert not any((SHARED_MEMORY / f'{one.name}_el').exists() for one in shared)

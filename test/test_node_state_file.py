@@ -7,6 +7,7 @@ import time
 
 from node_harness import Client, NodeProcess, overlap, Scene, STEP
 import pytest
+from vtrack_ros.dds import give_memory_back
 
 START = 10**9
 
@@ -46,6 +47,7 @@ def test_a_killed_node_goes_on_with_its_target(tmp_path, scene):
     finally:
         # The client has ended before: where another process was killed, Fast DDS sometimes (1 in
         # 70 times on a busy machine) crashes when it removes a participant's shared memory.
+        give_memory_back(process.process.pid)
         assert process.stop(signal.SIGKILL) != 0
     index += 12
     # The target isn't in this init_box, over which the saved target takes precedence.

@@ -1,6 +1,7 @@
 """DDS: its settings in the environment, its shared memory, and leaving it."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 import ctypes
 import fcntl
 import os
@@ -111,6 +112,25 @@ def reserve_domain() -> socket.socket:
     raise RuntimeError('all DDS domains from 1 to 100 are in use by other processes')
 
 
+def give_memory_back(process: int | str = 'self') -> None:
+    """
+    Remove a process's segments of shared memory: those whose lock files it has open.
+
+    They stay behind if a process is killed, so this goes before. The process is one of this user;
+    one that has ended has nothing open, and nothing is removed.
+    """
+    with suppress(OSError):
+        for descriptor in Path(f'/proc/{process}/fd').iterdir():
+            try:
+                guard = descriptor.readlink()
+            except OSError:
+                # closed since
+                continue
+            if guard.parent == SHARED_MEMORY and guard.name.endswith('_el'):
+                guard.with_name(guard.name.removesuffix('_el')).unlink(missing_ok=True)
+                guard.unlink(missing_ok=True)
+
+
 def leave(node: Any) -> None:
     """
     Destroy a node of rclpy; if that hangs in DDS, `end_process` ends the process.
@@ -133,7 +153,7 @@ def leave(node: Any) -> None:
     last.join(_PATIENCE)
     if last.is_alive():
         _hanging.append(node)
-        _give_memory_back()
+        give_memory_back()
     else:
         # The node is destroyed already, of which rclpy warns.
         with warnings.catch_warnings():
@@ -148,16 +168,3 @@ def end_process(code: int) -> int:
         sys.stderr.flush()
         os._exit(code)
     return code
-
-
-def _give_memory_back() -> None:
-    """Remove this process's segments of shared memory: those whose lock files it has open."""
-    for descriptor in Path('/proc/self/fd').iterdir():
-        try:
-            guard = descriptor.readlink()
-        except OSError:
-            # closed since
-            continue
-        if guard.parent == SHARED_MEMORY and guard.name.endswith('_el'):
-            guard.with_name(guard.name.removesuffix('_el')).unlink(missing_ok=True)
-            guard.unlink(missing_ok=True)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+from vtrack_ros.dds import give_memory_back
 from vtrack_ros.ros.recorder import Answer, Recorder
 from vtrack_ros.signals import handling_signals
 
@@ -69,6 +70,7 @@ class Child:
         try:
             code = self._process.wait(patience)
         except subprocess.TimeoutExpired:
+            give_memory_back(self._process.pid)
             return self.failure('did not end on request, and was killed')
         finally:
             self._process.kill()
@@ -85,7 +87,7 @@ class Child:
 
 def end_all(children: Sequence[Child]) -> None:
     """
-    Terminate all processes, and kill them only at a time-out: it leaves shared memory behind.
+    Terminate all processes, and kill them only at a time-out, removing their shared memory.
 
     Errors at their ends are printed on standard error, unless they were reported before.
     """
