@@ -15,7 +15,7 @@ from bag_material import write_short_bag
 import cv2
 import numpy as np
 import pytest
-from shared_segments import group, segments
+from shared_segments import group, kill, segments
 
 from vtrack_ros.demo.camera_source import images, NoImagesError
 from vtrack_ros.demo.demonstration import main, summarise
@@ -250,7 +250,7 @@ def camera(video):
             time.sleep(0.05)
         yield process
     finally:
-        process.kill()
+        kill(process)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'terminated'])

@@ -115,6 +115,7 @@ def test_means_over_fewer_targets_are_named(two_sequences, tmp_path, capsys, mon
     (['--sequences', '.', '--trackers', 'nobody'], 'unknown tracker'),
     (['--sequences', '.', '--seeds', '0'], 'an integer'),
     (['--sequences', '.', '--json', 'nowhere/a.json'], 'no folder'),
+    (['--sequences', '.', '--html', 300 * 'x'], f"can't write {300 * 'x'}: File name too"),
 ])
 def test_wrong_arguments(arguments, message, capsys):
     """Wrong arguments end with 2 and say what is wrong."""

@@ -24,3 +24,20 @@ def writing(path: Path) -> Iterator[None]:
             raise
         reason = getattr(error, 'strerror', None) or error
         raise BagError(f"can't write {path}: {reason}") from error
+
+
+def check_output(path: Path) -> None:
+    """Raise BagError if a file can't be written, before work that would be in vain."""
+    try:
+        if path.is_dir():
+            raise BagError(f'{path} is a folder, not a file')
+        if path.is_file():
+            path.open('ab').close()
+        elif not path.exists():
+            file = path.resolve()
+            if not file.parent.is_dir():
+                raise BagError(f'there is no folder {file.parent}')
+            file.touch()
+            file.unlink()
+    except OSError as error:
+        raise BagError(f"can't write {path}: {error.strerror}") from error

@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from vtrack_ros.bags import SequenceError
-from vtrack_ros.bags.errors import writing
+from vtrack_ros.bags.errors import check_output, writing
 from vtrack_ros.cli.arguments import positive_integer, seed
 from vtrack_ros.cli.command_line import warn
 from vtrack_ros.cli.progress import ProgressBar
@@ -68,8 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--scheduler', metavar='ADDRESS',
                         help='address of the dask scheduler (default: $DASK_SCHEDULER_ADDRESS, or '
                         'else a cluster of J workers on this machine)')
-    parser.add_argument('--json', type=_output, metavar='FILE', help='write all results as JSON')
-    parser.add_argument('--html', type=_output, metavar='FILE',
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write all results as JSON')
+    parser.add_argument('--html', type=Path, metavar='FILE',
                         help='write a self-contained page with plots and pictures')
     parser.add_argument('--cache', type=Path, default=default_folder(), metavar='DIR',
                         help='folder for the results of finished runs (default: %(default)s)')
@@ -79,6 +79,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate and print; return 1 where something is wrong with a sequence or a run, else 0."""
+    for path in filter(None, (arguments.json, arguments.html)):
+        check_output(path)
     trackers = parse_trackers(arguments.trackers)
     kinds = None if arguments.stress is None else stress_kinds(arguments.stress)
     if arguments.html:
@@ -180,12 +182,3 @@ def _print(results: Results) -> None:
     targets, seeds = len(results.sequences), len(results.seeds)
     print(f'\n{targets} target{"s" * (targets != 1)}, {seeds} seed{"s" * (seeds != 1)}, '
           f'times {results.timings}')
-
-
-def _output(text: str) -> Path:
-    path = Path(text)
-    if not path.resolve().parent.is_dir():
-        raise argparse.ArgumentTypeError(f'there is no folder {path.resolve().parent}')
-    if path.is_dir():
-        raise argparse.ArgumentTypeError(f'{path} is a folder, not a file')
-    return path

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vtrack_ros.bags import BagError, BagReader
+from vtrack_ros.bags.errors import check_output
 from vtrack_ros.bags.messages import COMPRESSED_IMAGE
 from vtrack_ros.bags.topics import Topic
 from vtrack_ros.cli.arguments import box, positive_number, seed
@@ -111,8 +112,8 @@ def _demonstrate(options: argparse.Namespace) -> int:
             raise DemoError(f'{options.bag} has no ground-truth box for the first frame: '
                             'give the target with --init-box X,Y,WIDTH,HEIGHT')
         options.out.mkdir(parents=True, exist_ok=True)
-        if options.json is not None and not options.json.resolve().parent.is_dir():
-            raise DemoError(f'there is no folder {options.json.resolve().parent}')
+        if options.json is not None:
+            check_output(options.json)
         print(f'{options.bag.name}: {topic.count} images on {topic.name}, tracked by '
               f'{options.tracker}, seed {options.seed}')
         show = ProgressBar('frames')
