@@ -68,6 +68,14 @@ class Page:
         for kind in ('keyDown', 'keyUp'):
             await self.ask('Input.dispatchKeyEvent', type=kind, key=text, text=text)
 
+    async def press(self, name: str) -> None:
+        """Press and release a key that has a name, such as Enter."""
+        code = {'Enter': 13, 'Escape': 27, 'ArrowRight': 39}[name]
+        text = {'text': '\r'} if name == 'Enter' else {}
+        for kind in ('keyDown', 'keyUp'):
+            await self.ask('Input.dispatchKeyEvent', type=kind, key=name,
+                           windowsVirtualKeyCode=code, **text)
+
     async def phone(self) -> None:
         """Emulate a phone's screen and touch input from now on."""
         await self.ask('Emulation.setDeviceMetricsOverride', width=390, height=844,

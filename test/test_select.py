@@ -183,7 +183,9 @@ def test_pause(address):
     ('{"do": "box", "stamp": "1", "x": 1, "y": 1, "width": 0, "height": 5}', 'positive'),
     ('{"do": "box", "stamp": "-1", "x": 1, "y": 1, "width": 5, "height": 5}', 'stamp'),
     ('{"do": "click", "stamp": "1", "x": "here", "y": 1}', 'here'),
-    ('{"do": "set", "name": "seed", "kind": "int", "value": 1.5}', '1.5')])
+    ('{"do": "set", "name": "seed", "kind": "int", "value": 1.5}', 'from 0 to 2147483647, not'),
+    ('{"do": "set", "name": "history_seconds", "kind": "float", "value": ""}', 'from 0 to 30 s'),
+    ('{"do": "set", "name": "seed", "kind": "list", "value": []}', "no value of kind 'list'")])
 def test_bad_request(address, text, words):
     """A bad request is refused with the reason, and the connection stays open."""
     async def run():

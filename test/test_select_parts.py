@@ -1,7 +1,7 @@
 """Parts of the page: access, parameter inputs, and its link to the node."""
 
 import asyncio
-from contextlib import contextmanager
+from contextlib import asynccontextmanager, contextmanager
 import gc
 import socket
 import sys
@@ -80,6 +80,20 @@ def test_inputs_from_descriptors():
     for kind, value in (('int', True), ('int', '3'), ('int', 2**63), ('bool', 1), ('list', [])):
         with pytest.raises(ValueError, match='no value of kind'):
             parameter_value(kind, value)
+
+
+@asynccontextmanager
+async def served(capsys, folder, host='127.0.0.1', token=''):
+    """Serve the page in this process, for a node that there isn't; yield what is printed."""
+    serving = asyncio.create_task(serve('/nobody', host, 0, token, folder))
+    while not (output := capsys.readouterr().out):
+        assert not serving.done()
+        await asyncio.sleep(0.01)
+    try:
+        yield output
+    finally:
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
 
 
 @contextmanager
@@ -258,23 +272,38 @@ def test_a_viewer_whose_request_is_not_answered_leaves(monkeypatch, capsys, capl
 
     async def main():
         asyncio.get_running_loop().set_exception_handler(lambda _, fault: faults.append(fault))
-        serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
-        while not (output := capsys.readouterr().out):
-            assert not serving.done()
-            await asyncio.sleep(0.01)
-        async with viewer(output.split()[0]) as seen:
-            await seen.ask(do='reset')
-            await asyncio.to_thread(asked.wait, PATIENCE)
-            seen.socket.get_extra_info('socket').shutdown(socket.SHUT_RDWR)
-        await asyncio.sleep(0.1)
-        links[0]('a warning')
-        await asyncio.sleep(0.1)
-        gc.collect()
-        serving.cancel()
-        await asyncio.gather(serving, return_exceptions=True)
+        async with served(capsys, tmp_path) as output:
+            async with viewer(output.split()[0]) as seen:
+                await seen.ask(do='reset')
+                await asyncio.to_thread(asked.wait, PATIENCE)
+                seen.socket.get_extra_info('socket').shutdown(socket.SHUT_RDWR)
+            await asyncio.sleep(0.1)
+            links[0]('a warning')
+            await asyncio.sleep(0.1)
+            gc.collect()
         await asyncio.sleep(0.1)
     asyncio.run(main())
     assert not faults and not caplog.records
+
+
+@pytest.mark.parametrize('host, elsewhere', [('127.0.0.1', False), ('0.0.0.0', True)])
+def test_an_address_that_leads_nowhere_from_another_machine(host, elsewhere, capsys, tmp_path):
+    """That of all interfaces is printed with what to put in its place."""
+    async def main():
+        async with served(capsys, tmp_path, host, 'token') as output:
+            return output
+    output = asyncio.run(main())
+    assert ("with this machine's name in place of 0.0.0.0" in output) is elsewhere
+
+
+def test_recording_before_there_is_a_picture(capsys, tmp_path):
+    """The page is told whether it records, or its button couldn't end it."""
+    async def main():
+        async with served(capsys, tmp_path) as output, viewer(output.split()[0]) as seen:
+            for on in (True, False):
+                await seen.ask(do='record', on=on)
+                assert (await seen.receive('state'))['recording'] is on
+    asyncio.run(main())
 
 
 def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
@@ -285,13 +314,7 @@ def test_what_fails_is_not_hidden(monkeypatch, capsys, caplog, tmp_path):
     monkeypatch.setattr(TrackerLink, 'parameters', broken)
 
     async def main():
-        serving = asyncio.create_task(serve('/nobody', '127.0.0.1', 0, '', tmp_path))
-        while not (output := capsys.readouterr().out):
-            assert not serving.done()
-            await asyncio.sleep(0.01)
-        async with viewer(output.split()[0]) as seen:
+        async with served(capsys, tmp_path) as output, viewer(output.split()[0]) as seen:
             assert (await seen.socket.receive(PATIENCE)).type is aiohttp.WSMsgType.CLOSED
-        serving.cancel()
-        await asyncio.gather(serving, return_exceptions=True)
     asyncio.run(main())
     assert 'out of order' in caplog.text

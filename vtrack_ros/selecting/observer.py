@@ -105,6 +105,11 @@ class Observer:
         """Return the node's state: its `name`, `tracker` and so on; empty without a node."""
         return dict(self._state)
 
+    @property
+    def recording(self) -> bool:
+        """Return whether a recording is being made."""
+        return self._recording is not None
+
     def picture(self) -> tuple[Any, dict[str, Any]] | None:
         """
         Return the image to show, with its state, box, trail and so on; None before the first.
@@ -119,7 +124,7 @@ class Observer:
         message, answer = _answered(images, answers) or (
             images[-1], answers[-1] if answers else None)
         shown: dict[str, Any] = {'state': self.state, 'trail': list(self._trail),
-                                 'recording': self._recording is not None}
+                                 'recording': self.recording}
         stamp = stamp_nanoseconds(message.header.stamp)
         if answer and 0 <= stamp - stamp_nanoseconds(answer.header.stamp) < _RECENT:
             shown |= _of_detection(answer)
@@ -140,12 +145,16 @@ class Observer:
                     f"recording needs rosbags: pip install 'vtrack_ros[tools]' ({error})"
                 ) from None
             self._recording = Recording(folder)
+            self._changed()
         return 'recording'
 
     def finish_recording(self) -> str:
         """Complete the bag, if there is one, and say where it is."""
         recording, self._recording = self._recording, None
-        return '' if recording is None else recording.finish()
+        if recording is None:
+            return ''
+        self._changed()
+        return recording.finish()
 
     def destroy(self) -> None:
         """Take everything down."""

@@ -81,9 +81,10 @@ class Viewer:
             self._news.clear()
             found = self._link.picture()
             if found is None:
-                if (state := self._link.state) != sent:
-                    sent = state
-                    await self._socket.send_json({'kind': 'state', 'state': state})
+                alone = {'state': self._link.state, 'recording': self._link.recording}
+                if alone != sent:
+                    sent = alone
+                    await self._socket.send_json({'kind': 'state', **alone})
                 continue
             if not self.particles:
                 found[1].pop('particles', None)
@@ -243,8 +244,11 @@ async def serve(target: str, host: str, port: int, token: str, folder: Path) -> 
             # these say what is wrong, but not with which name
             raise OSError(f'{host}: {getattr(error, "strerror", error)}') from None
         named = f'[{host}]' if ':' in host else host
+        # these stand for all addresses of this machine, and lead nowhere from another one
+        elsewhere = f", elsewhere with this machine's name in place of {named}" * (
+            host in ('0.0.0.0', '::'))
         print(f'http://{named}:{runner.addresses[0][1]}{root}/\n'
-              'open it in a browser; Ctrl-C ends it', flush=True)
+              f'open it in a browser{elsewhere}; Ctrl-C ends it', flush=True)
         await stop.wait()
     finally:
         await runner.cleanup()

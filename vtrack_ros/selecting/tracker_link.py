@@ -9,7 +9,7 @@ import threading
 from typing import Any
 
 from geometry_msgs.msg import PointStamped
-from rcl_interfaces.msg import Parameter
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 import rclpy
 from rclpy.context import Context
@@ -75,6 +75,11 @@ class TrackerLink:
     def state(self) -> dict[str, str]:
         """Return the node's state, as `Observer.state`."""
         return self._observer.state
+
+    @property
+    def recording(self) -> bool:
+        """Return whether a recording is being made."""
+        return self._observer.recording
 
     def watch(self, on: bool) -> None:
         """Start or stop receiving images."""
@@ -151,9 +156,13 @@ class TrackerLink:
     async def set_parameter(self, name: str, kind: str, value: Any) -> str:
         """Set a parameter; return why it failed, or ''. Errors as `ask`."""
         try:
-            row = Parameter(name=name, value=parameter_value(kind, value))
+            given = parameter_value(kind, value)
         except (ValueError, OverflowError) as error:
-            return f'{name}: {error}'
+            if kind not in ('int', 'float'):
+                return f'{name}: {error}'
+            # such as an empty input: the node refuses text for a number, and says what is valid
+            given = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=str(value))
+        row = Parameter(name=name, value=given)
         result, = (await self.ask('set_parameters', parameters=[row])).results
         return '' if result.successful else str(result.reason)
 

@@ -5,8 +5,8 @@ const $ = id => document.getElementById(id);
 const canvas = $('picture');
 const pen = canvas.getContext('2d');
 const COLOURS = {tracking: '#3cdc3c', searching: '#ffa000', lost: '#e63c3c'};
-// Below this movement, in pixels of the screen, a drag is a click.
-const CLICK = 5;
+// Below this movement, in pixels of the screen, a drag is a click; a finger slips more than a mouse.
+const CLICK = 5, TAP = 12;
 // Width, in pixels, that small pictures are enlarged to, about, by a whole factor.
 const LEGIBLE = 1024;
 // The radius of a two-dimensional Gaussian's 90 % ellipse, in standard deviations.
@@ -15,10 +15,12 @@ const RADIUS = Math.sqrt(-2 * Math.log(0.1));
 // The time span of the plot, in seconds.
 const SHOWN = 60;
 
-let socket, picture = null, header = null, drag = null, paused = false, tracker = '', shownTracker = '';
+let socket, picture = null, header = null, drag = null, paused = false, recording = false;
+let tracker = '', shownTracker = '';
 
 function ask(request) {
   if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(request));
+  else if (request.do !== 'shown') tell('not sent: there is no connection to vtrack select', true);
 }
 
 function connect() {
@@ -37,13 +39,13 @@ function connect() {
     }
     const message = JSON.parse(event.data);
     if (message.kind === 'picture') next = message;
-    if (message.kind === 'state') tellState(message.state);
+    if (message.kind === 'state') tellState(message);
     if (message.kind === 'told') tell(message.text, message.wrong);
     if (message.kind === 'parameters') fill(message.rows);
     if (message.kind === 'values') update(message.values);
   };
   socket.onclose = () => {
-    $('state').textContent = 'no connection';
+    tellName('no connection');
     setTimeout(connect, 1000);
   };
 }
@@ -54,9 +56,8 @@ let waiting = null;
 function show(image, message) {
   [picture, header] = [image, message];
   draw();
-  tellState(message.state);
+  tellState(message);
   plot(message);
-  $('record').textContent = message.recording ? 'Stop recording' : 'Record';
   ask({do: 'shown'});
 }
 
@@ -69,7 +70,7 @@ function draw() {
   }
   pen.setTransform(enlarged, 0, 0, enlarged, 0, 0);
   pen.drawImage(picture, 0, 0, header.width, header.height);
-  const thin = header.width / canvas.clientWidth;
+  const thin = 1 / shown().scale;
   pen.lineWidth = 2 * thin;
   pen.lineJoin = 'round';
   const trail = header.trail;
@@ -101,15 +102,24 @@ function ellipse([x, y, width, height], [xx, xy, yy]) {
   pen.stroke();
 }
 
-function tellState(state) {
-  $('state').textContent = state.name || 'no node';
-  $('state').style.color = COLOURS[state.name] || '';
+// Only changes are written, for a screen reader speaks what is written here.
+function tellName(name) {
+  if ($('state').textContent === name) return;
+  $('state').textContent = name;
+  $('state').style.borderColor = COLOURS[name] || 'transparent';
+}
+
+function tellState(message) {
+  const {state} = message;
+  tellName(state.name || 'no node');
   $('confidence').textContent = state.confidence || '-';
   $('meter').value = state.confidence || 0;
   $('tracker').textContent = tracker = state.tracker || '-';
   $('ms').textContent = state.ms_per_frame ? `${Number(state.ms_per_frame).toFixed(1)} ms` : '-';
   paused = state.name === 'paused';
   $('pause').textContent = paused ? 'Go on' : 'Pause';
+  recording = message.recording;
+  $('record').textContent = recording ? 'Stop recording' : 'Record';
   if (tracker !== shownTracker) showOwn();
 }
 
@@ -152,14 +162,21 @@ function tell(text, wrong) {
   $('told').className = wrong ? 'wrong' : '';
 }
 
-function place(event) {
-  const area = canvas.getBoundingClientRect();
-  // object-fit: contain leaves margins where the aspect ratios differ.
-  const {width, height} = header;
+// Returns where the picture is on the page: object-fit: contain leaves margins where the aspect
+// ratios differ.
+function shown() {
+  const area = canvas.getBoundingClientRect(), {width, height} = header;
   const scale = Math.min(area.width / width, area.height / height);
-  const x = (event.clientX - area.left - (area.width - width * scale) / 2) / scale;
-  const y = (event.clientY - area.top - (area.height - height * scale) / 2) / scale;
-  return [Math.min(Math.max(x, 0), width), Math.min(Math.max(y, 0), height)];
+  return {scale, left: area.left + (area.width - width * scale) / 2,
+          top: area.top + (area.height - height * scale) / 2};
+}
+
+// Returns the point of the picture that is nearest to the pointer, and whether the pointer is there.
+function place(event) {
+  const {scale, left, top} = shown();
+  const x = (event.clientX - left) / scale, y = (event.clientY - top) / scale;
+  const inX = Math.min(Math.max(x, 0), header.width), inY = Math.min(Math.max(y, 0), header.height);
+  return [inX, inY, inX === x && inY === y];
 }
 
 // A box is drawn by one finger; others, such as those that hold the phone, are ignored meanwhile.
@@ -168,24 +185,29 @@ const drawing = event => drag && event.pointerId === drag.pointer;
 canvas.onpointerdown = event => {
   if (!header || drag || event.button) return;
   canvas.setPointerCapture(event.pointerId);
-  const [x, y] = place(event);
-  drag = {x, y, toX: x, toY: y, left: event.clientX, top: event.clientY, moved: false, pointer: event.pointerId};
+  const [x, y, inside] = place(event);
+  drag = {x, y, inside, toX: x, toY: y, left: event.clientX, top: event.clientY, moved: false, pointer: event.pointerId};
 };
 
 canvas.onpointermove = event => {
   if (!drawing(event)) return;
   [drag.toX, drag.toY] = place(event);
-  drag.moved ||= Math.hypot(event.clientX - drag.left, event.clientY - drag.top) >= CLICK;
+  const least = event.pointerType === 'touch' ? TAP : CLICK;
+  drag.moved ||= Math.hypot(event.clientX - drag.left, event.clientY - drag.top) >= least;
   draw();
 };
 
 canvas.onpointerup = event => {
   if (!drawing(event)) return;
-  const {x, y, toX, toY, moved} = drag;
-  if (moved) {
+  const {x, y, inside, toX, toY, moved} = drag;
+  tell('');
+  if (paused) {
+    // The node has no such image, and would refuse the selection only when it goes on.
+    tell('not sent: press Go on first', true);
+  } else if (moved) {
     ask({do: 'box', stamp: header.stamp, x: Math.min(x, toX), y: Math.min(y, toY),
          width: Math.abs(toX - x), height: Math.abs(toY - y)});
-  } else {
+  } else if (inside) {
     ask({do: 'click', stamp: header.stamp, x, y});
   }
   endDrag();
@@ -195,7 +217,6 @@ canvas.onpointercancel = event => { if (drawing(event)) endDrag(); };
 
 function endDrag() {
   drag = null;
-  tell('');
   if (waiting) {
     const [image, message] = waiting;
     waiting = null;
@@ -206,17 +227,28 @@ function endDrag() {
 }
 
 $('reset').onclick = () => ask({do: 'reset'});
-$('record').onclick = () => ask({do: 'record', on: !(header && header.recording)});
+$('record').onclick = () => ask({do: 'record', on: !recording});
 $('reinit').onclick = () => ask({do: 'reinit'});
 const SIZES = {'+': 'larger', '-': 'smaller'};
 for (const size of Object.values(SIZES)) $(size).onclick = () => ask({do: size});
 document.onkeydown = event => {
   const typing = event.target.closest('form') || event.ctrlKey || event.altKey || event.metaKey;
-  if (!typing && event.key in SIZES) ask({do: SIZES[event.key]});
+  if (event.key === 'Escape' && drag) endDrag();
+  if (!typing && !event.repeat && event.key in SIZES) ask({do: SIZES[event.key]});
 };
 $('pause').onclick = () => ask({do: 'enable', on: paused});
 
+// The parameters that the form has inputs for, without their values.
+let inputs = '';
+
 function fill(rows) {
+  const asked = JSON.stringify(rows.map(({value, ...row}) => row));
+  if (asked === inputs) {
+    // The same inputs again, with the values in force: what has the focus keeps it.
+    update(Object.fromEntries(rows.map(row => [row.name, row.value])));
+    return;
+  }
+  inputs = asked;
   const groups = new Map();
   for (const row of rows) {
     const owner = row.name.includes('.') ? row.name.split('.')[0] : '';
@@ -236,11 +268,16 @@ function fill(rows) {
   showOwn();
 }
 
+// The input that is being typed in.
+let typed = null;
+$('parameters').addEventListener('input', event => { typed = event.target; });
+$('parameters').addEventListener('change', () => { typed = null; });
+
 // Shows values that were set here or elsewhere, but not over what is being typed.
 function update(values) {
   for (const [name, value] of Object.entries(values)) {
     const field = $('parameters').elements.namedItem(name);
-    if (!field || field === document.activeElement) continue;
+    if (!field || field === typed && field === document.activeElement) continue;
     if (field.type === 'checkbox') field.checked = value;
     else field.value = value;
     field.oninput?.();
@@ -255,29 +292,33 @@ function showOwn() {
   }
 }
 
+// An empty field is no number, though Number('') is 0.
+const numberIn = field => field.value.trim() ? Number(field.value.replace(',', '.')) : NaN;
+
 function input(row) {
   const label = document.createElement('label');
-  const short = row.name.split('.').pop();
-  label.title = row.text;
-  label.append(short);
+  label.append(row.name.slice(row.name.indexOf('.') + 1));
   const field = document.createElement(row.choices ? 'select' : 'input');
+  field.title = label.title = row.text;
   if (row.choices) {
     field.append(...row.choices.map(choice => new Option(choice, choice)));
   } else if (row.kind === 'bool') {
     field.type = 'checkbox';
-  } else if (row.kind !== 'text') {
+  } else if (row.kind === 'int') {
     field.type = 'number';
-    field.step = row.kind === 'int' ? 1 : 'any';
     if ('low' in row) field.min = row.low;
     if ('high' in row) field.max = row.high;
+  } else if (row.kind === 'float') {
+    // Not of type number: in some languages a browser makes 45 of 0,45 there.
+    field.inputMode = 'decimal';
   }
   if (row.kind === 'bool') field.checked = row.value;
   else field.value = row.value;
   field.name = row.name;
   field.onchange = () => {
-    // an empty field is no number, though Number('') is 0
-    const number = (row.kind === 'int' || row.kind === 'float') && field.value !== '';
-    const value = row.kind === 'bool' ? field.checked : number ? Number(field.value) : field.value;
+    // What is no number is sent as it is, and the node says what is valid.
+    const number = row.kind === 'int' || row.kind === 'float' ? numberIn(field) : NaN;
+    const value = row.kind === 'bool' ? field.checked : Number.isFinite(number) ? number : field.value;
     ask({do: 'set', name: row.name, kind: row.kind, value});
   };
   label.append(field);
@@ -288,12 +329,22 @@ function input(row) {
 // A slider for a bounded number; quadratic, so finer near the lower bound, where most values are.
 function slider(row, field) {
   const one = document.createElement('input'), range = row.high - row.low;
-  const follow = () => { one.value = Math.sqrt((field.value - row.low) / range); };
+  const chosen = () => {
+    const value = row.low + range * one.value ** 2;
+    return row.kind === 'int' ? Math.round(value) : Number(value.toPrecision(3));
+  };
+  const say = () => one.setAttribute('aria-valuetext', field.value);
+  const follow = () => {
+    // Steps of the arrow keys may be too small for another whole number: several add up.
+    const value = numberIn(field);
+    if (value >= row.low && value !== chosen()) one.value = Math.sqrt((value - row.low) / range);
+    say();
+  };
   Object.assign(one, {type: 'range', min: 0, max: 1, step: 'any'});
   one.setAttribute('aria-label', row.name);
   one.oninput = () => {
-    const value = row.low + range * one.value ** 2;
-    field.value = row.kind === 'int' ? Math.round(value) : Number(value.toPrecision(3));
+    field.value = chosen();
+    say();
   };
   one.onchange = field.onchange;
   field.oninput = follow;
