@@ -50,6 +50,23 @@ def rows_of(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.parametrize('wrong', ['start', 'update'])
+@pytest.mark.parametrize('error', [TypeError, ValueError])
+def test_a_defect_of_a_tracker_is_no_wrong_argument(face, wrong, error, monkeypatch):
+    """The error says which tracker and where; its cause has the place in the tracker's source."""
+    def defect(*arguments):
+        raise error('operands could not be broadcast together')
+
+    monkeypatch.setattr(TrackingSession, wrong, defect)
+    images, truth = face
+    with pytest.raises(BagError if (wrong, error) == ('start', ValueError) else RuntimeError,
+                       match='tracker .* at stamp [0-9]+') as caught:
+        list(replay(images[:3], TrackingSession('gmpf'), truth))
+    if caught.type is RuntimeError:
+        assert 'tracker gmpf failed' in str(caught.value)
+        assert isinstance(caught.value.__cause__, error)
+
+
 @pytest.mark.parametrize('tracker', ['pf', 'gmpf'])
 def test_bit_for_bit(short, tmp_path, tracker):
     """Two runs write the same bytes; a loop by hand gives the same numbers."""

@@ -14,9 +14,9 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 from vtrack_ros.bags import BagError, BagReader, BagWriter  # noqa: E402
 from vtrack_ros.bags.importing import record  # noqa: E402
-from vtrack_ros.bags.player import StopRequest  # noqa: E402
 from vtrack_ros.cli.command_line import main  # noqa: E402
 from vtrack_ros.scenes import render, scene_names  # noqa: E402
+from vtrack_ros.signals import StopRequest  # noqa: E402
 
 COMMANDS = ('synth', 'import', 'play', 'replay', 'evaluate', 'doctor', 'layout', 'select')
 
@@ -66,17 +66,22 @@ def test_help_needs_no_heavy_import():
     assert subprocess.run([sys.executable, '-c', code], stdout=subprocess.DEVNULL).returncode == 0
 
 
-def test_opencv_that_is_missing():
-    """The packages that have it are named, not its module."""
-    code = ('import sys; sys.modules["cv2"] = None; from vtrack_ros.cli.command_line import main; '
-            'sys.exit(main(["synth", "--list"]))')
+@pytest.mark.parametrize('module, arguments, hint', [
+    ('cv2', ['synth', '--list'],
+     'pip install opencv-python-headless, or apt install python3-opencv'),
+    ('vision_msgs', ['select'], 'apt install ros-jazzy-vision-msgs, or run scripts/setup')])
+def test_a_package_that_is_missing(module, arguments, hint):
+    """What installs it is named: not OpenCV's module, nor what neither PyPI nor Ubuntu has."""
+    code = (f'import sys; sys.modules[{module!r}] = None; '
+            f'from vtrack_ros.cli.command_line import main; sys.exit(main({arguments}))')
     run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert run.returncode == 1
-    assert 'pip install opencv-python-headless, or apt install python3-opencv' in run.stderr
+    assert run.stderr.endswith(f'install it: {hint}\n')
 
 
 def test_one_thread():
     """Commands compute in one thread, as the node does, which is set before NumPy is loaded."""
+    pytest.importorskip('threadpoolctl', reason='needs threadpoolctl')
     code = ('import os; from vtrack_ros.cli.command_line import main; main(["synth", "--list"]); '
             'from threadpoolctl import threadpool_info; '
             'print({pool["num_threads"] for pool in threadpool_info() '

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 import gc
+from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 import json
 import weakref
@@ -12,11 +13,12 @@ import pytest
 from siamese_files import write_backbone, write_head
 
 from vtrack_ros.evaluation import evaluate, find_sequences, FolderSequence, SequenceError
-from vtrack_ros.evaluation.cache import RunCache, source_files, source_hash
+from vtrack_ros.evaluation.cache import RunCache, source_files, source_hash, tracker_source
 from vtrack_ros.evaluation.report import html_page
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.runner import run_tracker
 from vtrack_ros.evaluation.sequences import read_folder
+from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 from vtrack_ros.trackers import create_tracker, tracker_class
 
 
@@ -114,6 +116,24 @@ def test_source_of_another_package_s_tracker(tmp_path, monkeypatch):
     before = source_hash(name)
     compiled.write_bytes(b'\x7fELF 2')
     assert source_hash(name) != before
+
+
+def test_source_of_a_base_class_in_another_module(tmp_path, monkeypatch):
+    """An edit of the class that a tracker is derived from makes another source of it, too."""
+    (tmp_path / 'first_of_two.py').write_text(
+        'from vtrack_ros.trackers.dcf import CorrelationTracker\n'
+        'class First(CorrelationTracker):\n    NAME = "first_of_two"\n')
+    (tmp_path / 'second_of_two.py').write_text(
+        'from first_of_two import First\nclass Second(First):\n    NAME = "second_of_two"\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    second = import_module('second_of_two').Second
+    monkeypatch.setattr(TrackerSpecification, 'tracker_class', second)
+    specification = TrackerSpecification('second_of_two', 'second_of_two')
+    before = tracker_source(specification)
+    assert tracker_source(specification) == before
+    with (tmp_path / 'first_of_two.py').open('a') as file:
+        file.write('    SUMMARY = "changed"\n')
+    assert tracker_source(specification) != before
 
 
 def test_pictures_that_changed_are_read_again(two_sequences):

@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+from shared_segments import kill
 
 INTERFACES = Path(__file__).resolve().parents[1] / 'interfaces' / 'vision_msgs'
 #: The type hashes of upstream's definitions.
@@ -77,8 +78,7 @@ def test_over_dds() -> None:
             executor.spin_once(timeout_sec=0.1)
         [info] = node.get_publishers_info_by_topic('detections')
     finally:
-        process.kill()
-        process.wait()
+        kill(process)
         node.destroy_subscription(subscription)
         node.destroy_node()
         rclpy.shutdown(context=context)

@@ -9,7 +9,7 @@ from vtrack_ros.geometry import Box
 from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 from vtrack_ros.session.frame_interval import LONGEST_STEP
 from vtrack_ros.session.session import TrackingSession
-from vtrack_ros.trackers import Estimate, tracker_names, TrackState
+from vtrack_ros.trackers import create_tracker, Estimate, tracker_names, TrackState
 
 STEP = 33_333_333
 
@@ -45,6 +45,17 @@ class Script:
         self.steps.append(dt)
         state = self.states.pop(0) if self.states else TrackState.TRACKING
         return Estimate(Box(50, 30, 24, 24), 0.0, np.eye(4), 1.0, state)
+
+
+@pytest.mark.parametrize('wrong', [
+    None, [[1, 2], [3, 4]], frame().astype(float), np.dstack([frame(), frame()[:, :, 0]])])
+def test_a_frame_that_is_none_is_refused_and_the_target_kept(wrong):
+    """Before, one with an alpha channel silently ended the tracking, as another size does."""
+    session = TrackingSession('dcf')
+    session.start(frame(), 0, box())
+    with pytest.raises((TypeError, ValueError), match='frame must'):
+        session.update(wrong, STEP)
+    assert session.update(frame(1), STEP).box.iou(box(1)) > 0.6
 
 
 def test_cadence_counts_frame_intervals():
@@ -200,6 +211,15 @@ def test_wrong_changes_change_nothing(change, error):
     for index in range(1, 4):
         assert (session.update(frame(index), index * STEP).box
                 == untouched.update(frame(index), index * STEP).box)
+
+
+@pytest.mark.parametrize('make', [
+    lambda seed: TrackingSession('gmpf', seed), lambda seed: create_tracker('gmpf', seed=seed)])
+@pytest.mark.parametrize('seed, error', [(-1, ValueError), ('one', TypeError), (1.5, TypeError)])
+def test_a_wrong_seed_is_named(make, seed, error):
+    """The error is about the seed, not about a parameter of the tracker."""
+    with pytest.raises(error, match=f'^seed {seed!r}: '):
+        make(seed)
 
 
 def test_a_new_seed_counts_from_the_next_start():

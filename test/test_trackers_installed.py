@@ -1,6 +1,7 @@
 """Trackers of other packages: the documentation's example, and invalid entry points."""
 
 import asyncio
+from collections.abc import Iterable
 import os
 from pathlib import Path
 import shutil
@@ -26,6 +27,16 @@ WRONG = {
     'dcf = vtrack_ros.trackers.dcf:CorrelationTracker': 'not that of another'}
 
 
+def register(folder: Path, name: str, rows: Iterable[str],
+             group: str = 'vtrack_ros.trackers', version: str = '1.0') -> None:
+    """Write what pip does of an installed package: its name, version and entry points."""
+    information = folder / f'{name}-{version}.dist-info'
+    information.mkdir()
+    (information / 'METADATA').write_text(
+        f'Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n')
+    (information / 'entry_points.txt').write_text('\n'.join([f'[{group}]', *rows]))
+
+
 @pytest.fixture(scope='module')
 def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the example as pip installs it, and with invalid entry points."""
@@ -33,13 +44,9 @@ def site(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     sources = repository / 'docs' / 'examples' / 'steady_tracker'
     shutil.copy(sources / 'steady_tracker.py', folder)
     project = tomllib.loads((sources / 'pyproject.toml').read_text())['project']
-    information = folder / f'{project["name"]}-{project["version"]}.dist-info'
-    information.mkdir()
-    (information / 'METADATA').write_text(
-        f'Metadata-Version: 2.1\nName: {project["name"]}\nVersion: {project["version"]}\n')
     [(group, points)] = project['entry-points'].items()
     rows = [f'{name} = {value}' for name, value in points.items()]
-    (information / 'entry_points.txt').write_text('\n'.join([f'[{group}]', *rows, *WRONG]))
+    register(folder, project['name'], [*rows, *WRONG], group, project['version'])
     return folder
 
 
@@ -98,11 +105,7 @@ class Faulty(CorrelationTracker):
 def test_faults_are_answered_and_told(tmp_path):
     """Whatever a tracker raises, transitions and requests are answered, and the reason is said."""
     (tmp_path / 'faulty.py').write_text(FAULTY)
-    information = tmp_path / 'faulty-1.0.dist-info'
-    information.mkdir()
-    (information / 'METADATA').write_text('Metadata-Version: 2.1\nName: faulty\nVersion: 1.0\n')
-    (information / 'entry_points.txt').write_text(
-        '[vtrack_ros.trackers]\nfaulty = faulty:Faulty\n')
+    register(tmp_path, 'faulty', ['faulty = faulty:Faulty'])
     file, scene = tmp_path / 'model', Scene()
     file.touch()
     prelude = f'sys.path.append({str(tmp_path)!r})'
@@ -133,15 +136,40 @@ def test_faults_are_answered_and_told(tmp_path):
     assert alone.log.splitlines() == ['tracker: faulty fails: RuntimeError: no such device']
 
 
+NAMED = """
+from vtrack_ros.parameters import Parameter, ParameterTable
+from vtrack_ros.trackers.dcf import CorrelationTracker
+
+class Named(CorrelationTracker):
+    NAME, SUMMARY = 'named', 'has a parameter `name`'
+    PARAMETERS = CorrelationTracker.PARAMETERS + ParameterTable([Parameter('name', '', 'A name.')])
+
+class Seeded(CorrelationTracker):
+    NAME, SUMMARY = 'seeded', 'has a parameter `seed`'
+    PARAMETERS = CorrelationTracker.PARAMETERS + ParameterTable([Parameter('seed', 1, 'A seed.')])
+"""
+
+
+def test_a_parameter_may_have_any_name_but_seed(repository, tmp_path):
+    """Each tracker has a seed of its own: before, such a one was offered, and couldn't be made."""
+    (tmp_path / 'named.py').write_text(NAMED)
+    register(tmp_path, 'named', ['named = named:Named', 'seeded = named:Seeded'])
+    done = subprocess.run(
+        [sys.executable, '-c', 'from vtrack_ros.trackers import create_tracker, tracker_names\n'
+         'assert create_tracker("named", seed=0, name="a").parameters["name"] == "a"\n'
+         'assert "seeded" not in tracker_names()'],
+        capture_output=True, text=True,
+        env={**os.environ, 'PYTHONPATH': os.pathsep.join((str(repository), str(tmp_path)))})
+    assert done.returncode == 0, done.stderr
+    assert "tracker 'seeded' of named:Seeded is ignored" in done.stderr
+    assert "must not have a parameter 'seed'" in done.stderr
+
+
 def test_of_two_packages_with_one_name_a_single_one_is_used(site, repository, tmp_path):
     """The other one is warned of, whichever is found first; before, the last one was used."""
     (tmp_path / 'second.py').write_text(
         'from steady_tracker import SteadyTracker\nclass Second(SteadyTracker): pass\n')
-    information = tmp_path / 'second-1.0.dist-info'
-    information.mkdir()
-    (information / 'METADATA').write_text('Metadata-Version: 2.1\nName: second\nVersion: 1.0\n')
-    (information / 'entry_points.txt').write_text(
-        '[vtrack_ros.trackers]\nsteady = second:Second\n')
+    register(tmp_path, 'second', ['steady = second:Second'])
     for folders, used, left in (
             ((site, tmp_path), 'SteadyTracker', 'second:Second'),
             ((tmp_path, site), 'Second', 'steady_tracker:SteadyTracker')):

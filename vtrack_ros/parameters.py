@@ -18,12 +18,12 @@ class Parameter:
     """
     One parameter: everything that a node, a command line or a manual has to know about it.
 
-    Its type is the default's, its description a sentence for the user. A number has a closed range
-    and a unit such as ``px``, empty where it has none; `choices` are the valid values, empty where
-    any value of the type and in the range is valid. A dynamic one may change while the tracker
-    runs. `check` raises a ValueError at a value of that type and range that is invalid still; the
-    default is valid. TypeError or ValueError if the default isn't of such a type, in the range or
-    among the choices.
+    Its type is the default's, its description a sentence for the user. A number may have bounds,
+    which are valid themselves, and a unit such as ``px``, empty where it has none; `choices` are
+    the valid values, empty where any value of the type and in the range is valid. A dynamic one
+    may change while the tracker runs. `check` raises a ValueError at a value of that type and
+    range that is invalid still; the default is valid. TypeError or ValueError if the default isn't
+    of such a type, in the range or among the choices.
     """
 
     name: str
@@ -56,6 +56,10 @@ class Parameter:
         text = _WORDS[self.kind]
         if self.low is not None and self.high is not None:
             text += f' from {self.low:.10g} to {self.high:.10g}'
+        elif self.low is not None:
+            text += f' of at least {self.low:.10g}'
+        elif self.high is not None:
+            text += f' of at most {self.high:.10g}'
         return text + (f' {self.unit}' if self.unit else '')
 
     def checked(self, value: Any) -> Value:

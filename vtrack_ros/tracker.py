@@ -1,6 +1,7 @@
 """The interface of a tracker: it's started on a box and updated with frames."""
 
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from dataclasses import dataclass, field
 import enum
 from numbers import Real
@@ -93,7 +94,7 @@ class Tracker(ABC):
     Raises
     ------
     TypeError, ValueError
-        If a parameter is unknown, of the wrong type or out of range.
+        If a parameter is unknown, of the wrong type or out of range, or if the seed is wrong.
 
     """
 
@@ -103,7 +104,7 @@ class Tracker(ABC):
 
     def __init__(self, seed: int | np.random.Generator | None = None, **parameters: Any) -> None:
         self._parameters: dict[str, Value] = self.PARAMETERS.defaults()
-        self._rng = np.random.default_rng(seed)
+        self._rng = generator(seed)
         self._frame_shape: tuple[int, ...] | None = None
         self.configure(**parameters)
 
@@ -124,8 +125,14 @@ class Tracker(ABC):
         """
         values = {**self._parameters, **self.PARAMETERS.checked(changes, self.NAME)}
         self._prepare(values)
-        self._parameters = values
-        self._configure()
+        before, self._parameters = self._parameters, values
+        try:
+            self._configure()
+        except Exception:
+            self._parameters = before
+            with suppress(Exception):
+                self._configure()
+            raise
 
     def start(self, frame: Frame, box: Box) -> Estimate:
         """
@@ -206,6 +213,14 @@ class Tracker(ABC):
         """Process one checked frame."""
 
 
+def generator(seed: int | np.random.Generator | None) -> np.random.Generator:
+    """Return the generator of a seed; TypeError or ValueError, which names it, if it's wrong."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f'seed {seed!r}: {error}') from None
+
+
 def checked_frame(frame: Any) -> Frame:
     """Return a contiguous frame; TypeError or ValueError if it isn't a frame."""
     if not isinstance(frame, np.ndarray):
@@ -241,7 +256,18 @@ def checked_estimate(estimate: Any, name: str) -> Estimate:
     if not isinstance(estimate, Estimate):
         raise TypeError(f'{name}: _start and _update must return an Estimate, not '
                         f'{type(estimate).__name__}')
-    if np.shape(estimate.covariance) != (4, 4):
+    for part, kind in (('box', Box), ('covariance', np.ndarray), ('state', TrackState)):
+        if not isinstance(value := getattr(estimate, part), kind):
+            raise TypeError(f'{name}: the {part} of an estimate must be a {kind.__name__}, '
+                            f'not {value!r}')
+    if estimate.covariance.shape != (4, 4):
         raise ValueError(f'{name}: the covariance of an estimate must have the shape (4, 4), '
-                         f'not {np.shape(estimate.covariance)}')
+                         f'not {estimate.covariance.shape}')
+    if not (isinstance(estimate.confidence, Real) and 0 <= estimate.confidence <= 1):
+        raise ValueError(f'{name}: the confidence of an estimate must be a number from 0 to 1, '
+                         f'not {estimate.confidence!r}')
+    shape = (0, 4) if estimate.particles is None else np.shape(estimate.particles)
+    if len(shape) != 2 or shape[1] != 4:
+        raise ValueError(f'{name}: the particles of an estimate must have the shape (N, 4), '
+                         f'not {shape}')
     return estimate

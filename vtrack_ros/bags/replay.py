@@ -43,7 +43,8 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
     the target is absent. The tracker starts on `box` in the first image, and again where stamps go
     backwards because a stream begins again; by default it starts on the first true box.
     Where they go back because a clock was set back, it needs another true box, as a target must be
-    selected anew then. BagError if it never starts, or the tracker can't start on the box.
+    selected anew then. BagError if it never starts, or the tracker can't start on the box;
+    RuntimeError if it fails otherwise, with its own TypeError or ValueError as the cause.
 
     An image is late, as in the node, if a later one came before it, or if its stamp is a minute
     further on than its recording. It's left out, and its stamp is appended to `late`.
@@ -67,17 +68,21 @@ def replay(images: Iterable[StampedFrame], session: TrackingSession,
             box = box if arrival is Arrival.BEGINNING else None
         first = (box or truth.get(image.stamp)) if waiting else None
         began = time.perf_counter()
-        if first is not None:
-            try:
+        try:
+            if first is None:
+                estimate = session.update(image.frame, image.stamp)
+            else:
                 if box is not None:
                     # as the node checks it; a true box may be of any size
                     first = Selection(box, '--init').box_on(image.frame)
-                estimate: Estimate | None = session.start(image.frame, image.stamp, first)
-            except ValueError as error:
+                estimate = session.start(image.frame, image.stamp, first)
+        except (TypeError, ValueError) as error:
+            if first is not None and isinstance(error, ValueError):
                 raise BagError(f'the tracker cannot start at stamp {image.stamp}: {error}'
                                ) from None
-        else:
-            estimate = session.update(image.frame, image.stamp)
+            # nothing that was given is wrong, but the tracker, such as another package's
+            raise RuntimeError(
+                f'tracker {session.tracker} failed at stamp {image.stamp}: {error}') from error
         taken = (time.perf_counter() - began) * 1e3
         yield Step(image, estimate, taken, first is not None, session.motion())
         waiting, started = waiting and first is None, started or first is not None

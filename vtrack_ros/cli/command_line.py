@@ -93,10 +93,8 @@ def _run(words: list[str]) -> int:
         package = (error.name or '').partition('.')[0]
         if package == 'vtrack_ros':
             raise
-        pip, apt = _PACKAGES.get(package, (package, package))
-        hint = '' if 'install' in str(error) else (
-            f'; install it: pip install {pip}, or apt install python3-{apt}')
-        complain(prog, f'{error}{hint}')
+        complain(prog, str(error) if 'install' in str(error) else
+                 f'{error}; install it: {_installation(package)}')
         return 1
     except (TypeError, ValueError) as error:
         return complain(prog, str(error))
@@ -141,6 +139,14 @@ def negative_values(words: Sequence[str]) -> list[str]:
         else:
             joined.append(word)
     return joined
+
+
+def _installation(package: str) -> str:
+    """Return the commands that install a package of Python or, by its name, of ROS's messages."""
+    if package.endswith(('_msgs', '_srvs')):
+        return f'apt install ros-jazzy-{package.replace("_", "-")}, or run scripts/setup'
+    pip, apt = _PACKAGES.get(package, (package, package))
+    return f'pip install {pip}, or apt install python3-{apt}'
 
 
 def is_of_ros(error: RuntimeError) -> bool:

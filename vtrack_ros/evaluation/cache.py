@@ -17,6 +17,7 @@ import numpy as np
 
 from vtrack_ros.evaluation.runner import Run
 from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
+from vtrack_ros.tracker import Tracker
 
 _PACKAGE = __name__.partition('.')[0]
 _ROOT = Path(__file__).resolve().parents[1]
@@ -33,8 +34,14 @@ def default_folder() -> Path:
 
 
 def tracker_source(tracker: TrackerSpecification) -> str:
-    """Return the hash of a tracker's and the runner's source, and of files in parameters."""
-    source = source_hash(tracker.tracker_class.__module__, _RUNNER)
+    """
+    Return the hash of a tracker's and the runner's source, and of files in parameters.
+
+    The tracker's is that of its class and of the trackers that this is derived from: one of
+    another package may be derived from one of a third package, or of another module.
+    """
+    classes = (one for one in tracker.tracker_class.__mro__ if issubclass(one, Tracker))
+    source = source_hash(*(one.__module__ for one in classes), _RUNNER)
     # A path says nothing of the weights in a network's file.
     files = [Path(value) for _, value in tracker.parameters
              if isinstance(value, str) and Path(value).is_file()]

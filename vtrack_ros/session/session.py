@@ -15,6 +15,7 @@ from vtrack_ros.session.exemplar import Exemplar
 from vtrack_ros.session.frame_interval import FrameIntervalEstimator
 from vtrack_ros.session.last_measurement import LastMeasurement
 from vtrack_ros.session.motion_filter import Motion, MotionFilter
+from vtrack_ros.tracker import checked_frame, generator
 from vtrack_ros.trackers import create_tracker, Estimate, Frame, Tracker, tracker_class
 
 #: A new tracker is updated this many times with the frame of the last measurement; and before
@@ -42,6 +43,7 @@ class TrackingSession:
 
     def __init__(self, tracker: str = 'gmpf', seed: int = 0,
                  parameters: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+        generator(seed)
         self._seed = seed
         self._name = tracker
         self._parameters = {owner: _checked(owner, values)
@@ -97,7 +99,12 @@ class TrackingSession:
         return estimate
 
     def update(self, frame: Frame, stamp: int) -> Estimate | None:
-        """Take the next frame, stamped in ns; None where there is no target (any more)."""
+        """
+        Take the next frame, stamped in ns; None where there is no target (any more).
+
+        TypeError or ValueError if it isn't a frame; the target is kept.
+        """
+        frame = checked_frame(frame)
         if self._estimate is None or self._frame is None:
             return None
         if stamp < self._stamp or frame.shape != self._frame.shape:
@@ -194,10 +201,7 @@ class TrackingSession:
         """
         name = self._name if tracker is None else tracker
         seed = self._seed if seed is None else seed
-        try:
-            np.random.default_rng(seed)
-        except (TypeError, ValueError) as error:
-            raise type(error)(f'seed {seed!r}: {error}') from None
+        generator(seed)
         given = {owner: dict(values) for owner, values in (parameters or {}).items()}
         # The tracker in use checks its own parameters, all together, in `configure`.
         own = given.pop(name, {})

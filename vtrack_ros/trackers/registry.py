@@ -62,7 +62,7 @@ def tracker_class(name: str) -> type[Tracker]:
     return found
 
 
-def create_tracker(name: str, *, seed: int | np.random.Generator | None = None,
+def create_tracker(name: str, /, *, seed: int | np.random.Generator | None = None,
                    **parameters: Any) -> Tracker:
     """Make a tracker by its name, with parameters of its own; errors as `Tracker`."""
     return tracker_class(name)(seed, **parameters)
@@ -99,3 +99,5 @@ def _check(name: str, cls: Any) -> None:
         raise TypeError('SUMMARY must be a line of text')
     if not isinstance(getattr(cls, 'PARAMETERS', None), ParameterTable):
         raise TypeError('PARAMETERS must be a ParameterTable')
+    if 'seed' in cls.PARAMETERS:
+        raise ValueError("PARAMETERS must not have a parameter 'seed': every tracker has a seed")

@@ -1,4 +1,4 @@
-"""A tracker of one's own: the highest response, but only part of the way there in a frame."""
+"""A tracker of one's own: the highest response, but only part of a short step there."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from vtrack_ros.tracker import Tracker
 
 
 class SteadyTracker(Tracker):
-    """Goes to the highest response of the shared target model, smoothly."""
+    """Goes to the highest response of the shared target model; if that is near, smoothly."""
 
     NAME = 'steady'
     SUMMARY = 'highest response, smoothed'
     PARAMETERS = ParameterTable([
-        Parameter('share', 0.7, 'Share of the way that is gone in a frame.', 0.1, 1.0)])
+        Parameter('share', 0.7, 'Share of a short step that is made in a frame.', 0.1, 1.0)])
 
     def _configure(self):
         """Take the parameters: at the start, and whenever one of them changes."""
@@ -27,6 +27,8 @@ class SteadyTracker(Tracker):
         here = np.array(self._localiser.center)
         response = self._localiser.localise(frame, self._localiser.center)
         x, y = here + self._share * (response.center - here)
+        # Of a place more than a cell from the window's middle the localiser takes the maximum
+        # near it: the model has to learn the target, not what is beside it.
         self._localiser.update(frame, response, (float(x), float(y)), dt)
         return self._estimate()
 
