@@ -202,6 +202,18 @@ def test_regrouping_without_matching_is_an_inflation():
     assert variances[1] < variances[0]
 
 
+@pytest.mark.parametrize('dimension, order, threshold', [(1, 9, 1e-4), (2, 7, None)])
+def test_a_regrouped_rule_that_is_too_wide_leaves_no_negative_variance(
+        dimension, order, threshold):
+    """Its second moment is above one: an exact measurement would subtract more than there is."""
+    model = ConstantVelocity(dimension, measurement_noise=1e-6 * np.eye(dimension))
+    rule = partial(pruned_gauss_hermite, order=order, threshold=threshold, regroup=True,
+                   matched=False)
+    prior = Gaussian.from_moments(np.zeros(2 * dimension), np.eye(2 * dimension))
+    posterior = SigmaPointFilter(model, rule).update(prior, np.zeros(dimension)).posterior
+    assert (np.linalg.eigvalsh(posterior.covariance) > 0).all()
+
+
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(st.integers(0, 10 ** 6), st.floats(-12, 3), st.floats(-6, 6),
        st.sampled_from(sorted(FILTERS)))

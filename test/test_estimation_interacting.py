@@ -76,6 +76,17 @@ def test_interaction_keeps_the_moments():
     assert unmixed.covariance == pytest.approx(before.covariance)
 
 
+def test_an_impossible_hypothesis_that_nothing_switches_to_keeps_its_belief():
+    """Its probability stays 0, so it has no effect on the mixture's moments."""
+    before, weights = beliefs(), np.array([1.0, 0.0])
+    after, predicted = mix(before, weights, switching(2, 0.0, 0.5))
+    assert predicted == pytest.approx(weights)
+    assert after.mean == pytest.approx(before.mean)
+    assert after.covariance == pytest.approx(before.covariance)
+    for mine, others in zip(moments(after, predicted), moments(before, weights)):
+        assert mine == pytest.approx(others)
+
+
 def test_moments_are_those_of_samples():
     """They are mean and covariance of samples that are drawn from the mixture."""
     mixture, weights, rng = beliefs(), np.array([0.3, 0.7]), np.random.default_rng(0)

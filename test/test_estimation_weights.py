@@ -84,6 +84,8 @@ def test_equal_weights_and_single_survivors():
     last[-1] = 3.0
     assert (systematic(last, 7, rng) == 9).all()
     assert (systematic(np.array([2.0]), 3, rng) == 0).all()
+    # whole numbers, such as hits that were counted
+    assert (np.bincount(systematic(np.array([3, 0, 1]), 8, rng)) == [6, 0, 2]).all()
 
 
 def test_particles_without_weight_never_survive():

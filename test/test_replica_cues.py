@@ -69,6 +69,35 @@ def test_nothing_like_the_target_tells_nothing():
     assert np.sqrt(np.linalg.eigvalsh(covariance)).min() > 0.3 * SIDE
 
 
+def test_cues_that_exclude_each_other_s_places_tell_nothing():
+    """Where no place is possible by both, all count alike, as if nothing had been measured."""
+    grey = np.random.default_rng(0).integers(60, 140, (12, 12, 1))
+    # as bright, so that it has the same moving edges, but of another colour
+    looks = {'target': grey, 'decoy': np.rint(grey * (0, 1 / 0.587, 0))}
+    back = np.random.default_rng(1).integers(0, 60, (120, 160, 1)).astype(np.uint8)
+    back = np.repeat(back, 3, axis=2)
+
+    def shown(**places):
+        frame = back.copy()
+        for look, x in places.items():
+            frame[54:66, x - 6:x + 6] = looks[look]
+        return frame
+
+    cues = BoxCues(True, 'flat')
+    cues.sigma, cues.fusion = 0.01, FUSIONS['normalised']
+    predicted = np.array([84.0, 60.0, 12.0, 12.0])
+    cues.start(shown(target=80), predicted - [4, 0, 0, 0])
+    for x in (82, 84):
+        cues.observe(shown(target=x), predicted)
+        cues.update(np.array([x, 60.0, 12.0, 12.0]))
+    # now the target rests at the left, and the decoy moves at the right as it did
+    for x in (93, 95):
+        cues.observe(shown(target=74, decoy=x), predicted)
+    center, covariance = cues.measure(predicted, SIDE)
+    assert_allclose(center, predicted[:2], atol=1e-9)
+    assert np.sqrt(np.linalg.eigvalsh(covariance)).min() > 0.3 * SIDE
+
+
 def test_the_likelihood_is_that_of_bhattacharyyas_coefficient():
     """A box on half of the target has rho = sqrt(1/2): exp(-(1 - rho) / (2 sigma^2))."""
     cues, box = started()

@@ -143,7 +143,7 @@ class GroupParticles(AffineParticles):
 
 class VectorParticles(AffineParticles):
     """
-    Independent random walks of six geometric parameters [Ross2008, sec. 4.1].
+    Independent random walks of six geometric parameters [Ross2008].
 
     The estimate is the particle of the largest weight, as in that paper.
     """

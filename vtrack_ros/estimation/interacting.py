@@ -89,7 +89,9 @@ def mix(beliefs: Gaussian, weights: Array, transition: Array) -> tuple[Gaussian,
     predicted probability, shape (K,).
     """
     predicted = weights @ transition
-    shares = (weights[:, np.newaxis] * transition / predicted).T
+    # a hypothesis of probability 0 keeps its own belief
+    shares = np.divide(weights[:, np.newaxis] * transition, predicted,
+                       out=np.eye(len(weights)), where=predicted > 0).T
     mean = shares @ beliefs.mean
     offset = beliefs.mean - mean[:, np.newaxis]
     covariance = _weighted(shares, beliefs.covariance)

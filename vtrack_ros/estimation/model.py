@@ -246,7 +246,7 @@ class ConstantVelocity(LinearModel):
         measured = (positions, positions + wandering)
         if noise.shape not in [(size, size) for size in measured]:
             raise ValueError('measurement_noise must be a square matrix of size '
-                             f'{" or ".join(str(size) for size in measured)}, '
+                             f'{" or ".join(str(size) for size in dict.fromkeys(measured))}, '
                              f'not of shape {noise.shape}')
         matrix = np.zeros((len(noise), 2 * positions + wandering))
         matrix[:positions, :positions] = np.eye(positions)

@@ -161,7 +161,7 @@ def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[
     # The negation catches NaN as well.
     if not (weights.min() >= 0 and 0 < total < math.inf):
         raise ValueError('weights must be finite, non-negative and not all zero')
-    ends = weights.cumsum()
+    ends = weights.cumsum(dtype=np.float64)
     ends *= count / float(ends[-1])
     ends[-1] = count
     ends -= rng.random()

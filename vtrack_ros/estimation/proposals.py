@@ -76,7 +76,7 @@ class GaussianFilterProposal(Proposal):
     covariance : {'reset', 'kept'}
         The covariance that the filter of a particle starts a step with. 'reset': zero, for the
         particle's state is known; the proposal then approximates the optimal one,
-        p(x_k | x_{k-1}, z_k). 'kept': that of its last posterior, as both papers print it; this
+        p(x_k | x_{k-1}, z_k). 'kept': that of its last posterior [Qi2012, section 2.2 b]; this
         counts the uncertainty of x_{k-1} twice, once in the covariance and once in the spread of
         the particles, and the proposal becomes wider than the optimal one.
     inflation : float

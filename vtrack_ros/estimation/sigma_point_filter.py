@@ -29,8 +29,8 @@ class SigmaPointFilter(GaussianFilter):
         P+ = (L - K G)(L - K G)^T + K (R + Omega) K^T
 
     where `Omega = cov z - G G^T` is the residual covariance of a linear regression of z on x. It
-    is positive semi-definite for a rule without negative weights; with them, its negative
-    eigenvalues are set to zero.
+    is positive semi-definite for a rule without negative weights, whose second moment is at most
+    one; for any other, its negative eigenvalues are set to zero.
 
     `rule` makes the rule of a dimension: `unscented`, `cubature`, or e.g.
     `functools.partial(gauss_hermite, order=5)`; without `measured_only` updates integrate over
@@ -52,7 +52,7 @@ class SigmaPointFilter(GaussianFilter):
             self.transition_rule = rule(model.state_dimension) if rest else self.update_rule
         self._order = None if components + rest == sorted(components + rest) else np.array(
             components + rest)
-        self._signed = bool((self.update_rule.covariance_weights < 0).any())
+        self._clamped = not _is_contraction(self.update_rule)
 
     def _floats_per_belief(self) -> int:
         points = max(len(self.update_rule), len(self.transition_rule or ()))
@@ -92,7 +92,7 @@ class SigmaPointFilter(GaussianFilter):
         spread = weighted @ deviation
         regression = weighted @ rule.points
         remainder = spread - regression @ regression.swapaxes(1, 2)
-        if self._signed:
+        if self._clamped:
             values, vectors = np.linalg.eigh(remainder)
             remainder = (vectors * np.maximum(values, 0.0)[:, np.newaxis]) @ vectors.swapaxes(1, 2)
             spread = remainder + regression @ regression.swapaxes(1, 2)
@@ -121,3 +121,10 @@ class SigmaPointFilter(GaussianFilter):
         points += mean[:, np.newaxis]
         values = function(points.reshape(-1, mean.shape[1]))
         return values.reshape(len(mean), len(standard), -1)
+
+
+def _is_contraction(rule: SigmaPointRule) -> bool:
+    """Tell whether no weight is negative, and no second moment above one, but for rounding."""
+    weights = rule.covariance_weights
+    moments = np.linalg.eigvalsh((rule.points.T * weights) @ rule.points)
+    return bool((weights >= 0).all() and (moments <= 1 + 1e-9).all())

@@ -138,8 +138,9 @@ def pruned_gauss_hermite(dimension: int, order: int = 3, threshold: float | None
         [Qi2012, eq. 21], in place of being left out; xi_a is the nearest kept point (the centroid,
         of several), and `L = (1 / (M omega))^(1/n)` [Qi2012, eq. 22] with M points in all and the
         weight omega of xi_a (the paper doesn't say which; with the pruned point's own, the new
-        points lie at up to 25 standard deviations). Regrouping saves no points and pulls them in:
-        without `matched` the second moment falls below one, and an update subtracts too little.
+        points lie at up to 25 standard deviations). Regrouping saves no points and changes the
+        second moment unless it's `matched`: of 3 or 5 points in one dimension, with the outermost
+        pair regrouped, to 0.25 or 0.82, so that an update subtracts too little; of 9 to 1.11.
     matched : bool
         Whether the second moment is restored.
 

@@ -75,7 +75,9 @@ class BoxCues:
         boxes = np.tile(predicted, (len(_GRID), 1))
         boxes[:, :2] += side * _GRID
         exponents = self.log_likelihood(boxes)
-        weights = np.exp(exponents - exponents.max())
+        peak = exponents.max()
+        # where the cues exclude each other's places, none is possible: that tells nothing
+        weights = np.exp(exponents - peak) if np.isfinite(peak) else np.ones(len(boxes))
         weights /= weights.sum()
         places = boxes[:, :2]
         center = weights @ places

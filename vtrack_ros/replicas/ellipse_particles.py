@@ -8,7 +8,7 @@ from vtrack_ros.localisation.filter_parameters import MEAN_SHIFT_PARTICLES
 from vtrack_ros.localisation.mean_shift import fuse
 from vtrack_ros.replicas.ellipse_tracker import as_point, Match, MeanShiftReplica
 
-#: Frames of local search after which the whole frame is searched [Yin2013, step 9].
+#: After more frames of search in vain than this the whole frame is searched [Yin2013, step 9].
 _LOCAL_FRAMES = 10
 #: Number of candidates of a local search.
 _CANDIDATES = 20
@@ -21,9 +21,9 @@ class MeanShiftParticleReplica(MeanShiftReplica):
     Mean shift gives one place, the best of a few particles another; they are fused by their
     distance and the similarity (eqs 13-15). The particles converge on the result and are redrawn
     about it (sec. 2.2). If the two contradict each other, or neither is similar to the target, a
-    search in three stages begins (sec. 2.4): one step ahead, near it, and after ten frames in the
-    whole frame. While it fails, the particles' mean about the forecast is reported: the best one
-    would be the most similar piece of background.
+    search in three stages begins (sec. 2.4): one step ahead, near it, and after more than ten
+    frames in vain in the whole frame. While it fails, the particles' mean about the forecast is
+    reported: the best one would be the most similar piece of background.
 
     Otherwise than in the paper, besides what `MeanShiftReplica` says:
 

@@ -107,7 +107,7 @@ class QuadratureReplica(MeasuredParticleFilter):
 
 class PrunedQuadratureReplica(QuadratureReplica):
     """
-    P-QKPF: the quadrature filter without its points of small weight [Qi2012, eqs 20-22].
+    P-QKPF: the quadrature filter without its points of small weight [Qi2012, eq. 20].
 
     The threshold of eq. 20 is that of two dimensions: in the six of a box it would leave only the
     centre, which is no filter. But an update integrates over the measured centre alone, which has
