@@ -31,6 +31,13 @@ def test_a_turn_moves_the_picture(x, y, grey):
     assert shift == (pytest.approx(-x, abs=2.5), pytest.approx(-y, abs=2.5))
 
 
+@pytest.mark.parametrize('shape', [(20000, 100), (20000, 300), (4000, 120), (100, 20000)])
+def test_a_picture_of_any_shape_is_small(shape):
+    """It has less than 2 x 128 columns, and 2 x 1024 rows."""
+    picture = SparsePicture.of(np.zeros(shape, np.uint8))
+    assert picture.pixels.shape[0] < 2048 and picture.pixels.shape[1] < 256
+
+
 def test_pictures_without_anything_in_common_say_nothing():
     """Unrelated pictures give None, not an arbitrary motion."""
     rng = np.random.default_rng(0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import logit
 
+from vtrack_ros.localisation.filter_parameters import PRESENCE
 from vtrack_ros.localisation.presence import (
     logistic, PresenceDetector, state_after, support_of, unknown_covariance)
 from vtrack_ros.tracker import TrackState
@@ -210,6 +211,16 @@ def test_the_threshold_says_what_is_said_but_not_what_is_done():
     assert 0.1 < lenient.confidence == strict.confidence < 0.9
     assert (lenient.absent_frames, strict.absent_frames) == (0, 1)
     assert lenient.unseen_frames == strict.unseen_frames
+
+
+def test_without_a_threshold_of_its_own_a_tracker_reports_as_by_default():
+    """A localiser that a tracker never tells `confidence_threshold` reports by its default."""
+    given, default = PresenceDetector(), PresenceDetector()
+    given.threshold = PRESENCE['confidence_threshold'].default
+    for each in (given, default):
+        each.judge(0.09, 3.2, 1.0, elsewhere=True)
+    assert given.threshold < default.confidence < 0.5
+    assert default.absent_frames == given.absent_frames == 0
 
 
 def test_support_has_a_say_in_what_is_said_but_not_in_what_is_done():

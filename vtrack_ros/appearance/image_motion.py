@@ -15,8 +15,9 @@ from vtrack_ros.appearance.sampling import PixelWindow, turned
 from vtrack_ros.frame import Array, Array32, Frame, Point
 from vtrack_ros.geometry import Box
 
-#: Columns of a sparse picture, and of the coarse one made of it: subsampled to 1 to 2 times this.
+#: Columns and rows of a sparse picture, and of the coarse one made of it: at most twice as many.
 _COLUMNS, _COARSE_COLUMNS = 128, 64
+_ROWS, _COARSE_ROWS = 1024, 512
 #: Least rows and columns of a picture; in a smaller one no motion is measured.
 _SMALLEST = 8
 #: Least share of energy in the phase correlation's peak: in `camera_step`, in `ground_step`.
@@ -70,7 +71,7 @@ class SparsePicture:
     @classmethod
     def of(cls, frame: Frame) -> SparsePicture:
         """Subsample a frame into an array of its own; of a colour frame only the green channel."""
-        stride = max(1, frame.shape[1] // _COLUMNS)
+        stride = max(1, frame.shape[1] // _COLUMNS, frame.shape[0] // _ROWS)
         pixels = frame[::stride, ::stride]
         return cls(np.array(pixels[:, :, 1] if pixels.ndim == 3 else pixels, order='C'), stride)
 
@@ -109,7 +110,8 @@ class SparsePicture:
     @cached_property
     def _coarse(self) -> tuple[Array32, int]:
         """Return the pixels, subsampled again, and their stride; OpenCV may change them."""
-        every = max(1, self.pixels.shape[1] // _COARSE_COLUMNS)
+        rows, columns = self.pixels.shape
+        every = max(1, columns // _COARSE_COLUMNS, rows // _COARSE_ROWS)
         coarse = np.ascontiguousarray(self.pixels[::every, ::every], np.float32)
         return coarse, every * self.stride
 

@@ -20,7 +20,7 @@ class Subspace:
     Mean and principal components of all patches so far, with exponential forgetting.
 
     The model is probabilistic PCA: a patch is a point of the subspace plus noise. It's updated by
-    the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.2, figure 2]. The
+    the sequential Karhunen-Loeve algorithm with a moving mean [Ross2008, sec. 3.1]. The
     mean has shape (d,), the components (d, k), with orthonormal columns in the order of falling
     singular values (of the centred patches); k is at most `limit`. `count` is the effective number
     of patches, with forgetting.
@@ -50,7 +50,7 @@ class Subspace:
         own_mean, mean = fresh.mean(0), self.mean.astype(np.float64)
         # the difference of the means is one more column [Ross2008, lemma 1]
         apart = np.sqrt(before * many / count) * (own_mean - mean)
-        # the scatter is multiplied by `forgetting`, as the count is; in [Ross2008, sec. 3.3] the
+        # the scatter is multiplied by `forgetting`, as the count is; in [Ross2008] the
         # singular values are, so that old patches fade twice as fast there as in the mean
         columns = np.concatenate([
             np.sqrt(forgetting) * self.components * self.singular_values,
@@ -71,7 +71,7 @@ class Subspace:
         """
         Return the mean over the pixels of e^2 / (e^2 + width^2), e the residual, shape (n,).
 
-        The error norm of Geman and McClure, as [Ross2008, sec. 3.4]: an outlier adds at most the
+        The error norm of Geman and McClure, as [Ross2008]: an outlier adds at most the
         weight of one pixel, however large its residual is.
         """
         errors = np.empty(len(patches), np.float32)

@@ -143,7 +143,7 @@ def ellipse_bounds(transformation: Array, size: tuple[float, float]) -> Array:
 
 def from_vector(vector: Array) -> Array:
     """
-    Return transformations, shape (..., 3, 3), from geometric parameters [Ross2008, sec. 4.1].
+    Return transformations, shape (..., 3, 3), from geometric parameters [Ross2008].
 
     These, shape (..., 6), are the log scale, half the log ratio of the stretches, rotation [rad],
     direction of the skew [rad], x and y. The stretch comes before the rotation. Its direction is

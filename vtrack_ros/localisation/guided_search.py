@@ -112,7 +112,7 @@ class GuidedSearch:
         self._forecasts = self._forecast(dt, own)
         expected = inside(self._forecasts[self._mixture.best(self._forecasts)], frame)
         maps = [target.localise(frame, expected)]
-        low = maps[0].peak < _LOW_RESPONSE * target.usual_response
+        low = maps[0].peak < _LOW_RESPONSE * target.response_unit
         if low:
             box = Box.from_center(*self._start, *target.size)
             self._forecasts |= self._along(
@@ -267,7 +267,7 @@ class GuidedSearch:
             return Found(found[0][1], found[0][0])
         values = np.array([value for _, _, value in found])
         places = np.array([place for place, _, _ in found])
-        scores = (values - values.max()) / (_TEMPERATURE * self._target.usual_response)
+        scores = (values - values.max()) / (_TEMPERATURE * self._target.response_unit)
         scores += self._mixture.log_density(places, self._forecasts, side, dt)
         comparing = dt > _COMPARING_GAP or self._frames <= _COMPARING_FRAMES
         if comparing and self._target.network is None:

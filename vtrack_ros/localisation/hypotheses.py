@@ -143,9 +143,9 @@ class Hypotheses:
         return self._leader.reach
 
     @property
-    def usual_response(self) -> float:
-        """Return the running mean of the highest response, which is positive."""
-        return self._leader.usual_response
+    def response_unit(self) -> float:
+        """Return the running mean of the highest response, with a positive lower bound."""
+        return self._leader.response_unit
 
     @property
     def uncertain(self) -> bool:

@@ -103,8 +103,8 @@ class Localiser:
         return self._live.model.layout.reach
 
     @property
-    def usual_response(self) -> float:
-        """Return the running mean of the highest response, which is positive."""
+    def response_unit(self) -> float:
+        """Return the running mean of the highest response, with a positive lower bound."""
         return self._live.response_unit
 
     @property

@@ -170,7 +170,7 @@ class PresenceDetector:
     def __init__(self) -> None:
         self.appearance_odds = self._recognised = self._log_odds = _CLEAR
         self._frames, self._usual, self._fallen = 0.0, math.log(_LEAST_SIMILARITY), False
-        self.threshold = 0.5
+        self.threshold = DEFAULT_THRESHOLD
         """The least confidence at which the target is reported as present."""
         self.unseen_frames = 0.0
         """Time, [frames], for which appearance has been against the target; 0 if it's seen."""

@@ -35,7 +35,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
     is the response as a share of the usual one. The climb starts at the place that the guided
     search has found, which is also the result where fusion gives none. And y_pf isn't the best
     particle's own place, but the maximum that mean shift climbs to from there. The particles are
-    drawn about the tracker's own forecast, which repeats a part of the last step.
+    drawn about the tracker's own forecast, which repeats a part of the last steps' moving average.
 
     The bandwidth follows the size that the model measures, and the rotation is the model's, too:
     the second moments of a foreground map turn with limbs and background rather than the target.
@@ -67,7 +67,7 @@ class MeanShiftParticleFilter(LocalisedTracker):
         climbed = self._climbed(response, weights, start)
         points = self._drawn(forecast)
         best = points[int(response.sample(points).argmax())]
-        zeta = min(response.sample_one(climbed) / localiser.usual_response, 1.0)
+        zeta = min(response.sample_one(climbed) / localiser.response_unit, 1.0)
         place = fuse(
             zeta, climbed, self._climbed(response, weights, (best[0], best[1])), SIGMA,
             max(localiser.size) / 2, float(values['accepted']), float(values['rejected']))

@@ -106,7 +106,7 @@ class AffineParticleFilter(LocalisedTracker):
         """Return the place found, or that in a window with the particles' rotation, if better."""
         localiser, response = self._localiser, found.response
         angle = float(affine.angle(self._state))
-        if (found.hidden or response.peak >= _LOW_RESPONSE * localiser.usual_response
+        if (found.hidden or response.peak >= _LOW_RESPONSE * localiser.response_unit
                 or localiser.network is not None
                 or abs(angle - localiser.angle) <= _LEAST_TURN):
             return found
@@ -124,7 +124,7 @@ class AffineParticleFilter(LocalisedTracker):
         logs *= _TEMPERED
         if not found.hidden:
             # while a distractor hides the target, the response doesn't measure its place
-            scale = float(values['temperature']) * self._localiser.usual_response
+            scale = float(values['temperature']) * self._localiser.response_unit
             response = found.response
             logs += (response.sample(particles.states[:, :2, 2]) - response.peak) / scale
         weights: Array = np.exp(logs - logs.max())

@@ -89,7 +89,7 @@ class ParticleTracker(LocalisedTracker):
         boxes = self._boxes(proposed.states[:, :2])
         responses = response.sample(proposed.states[:, :2])
         likelihood = responses * (
-            1 / (float(self._parameters['temperature']) * localiser.usual_response))
+            1 / (float(self._parameters['temperature']) * localiser.response_unit))
         # while a distractor hides the target, the response doesn't measure its place
         weights = self._filter.weight(
             proposed, None if found.hidden else likelihood, dt).weights.values
@@ -201,7 +201,7 @@ class GreyParticleFilter(ParticleTracker):
 
 
 class PrunedQuadratureParticleFilter(ParticleTracker):
-    """P-QKPF: a pruned quadrature Kalman filter for each particle [Qi2012, eqs 20-22]."""
+    """P-QKPF: a pruned quadrature Kalman filter for each particle [Qi2012, eq. 20]."""
 
     NAME = 'pqkpf'
     SUMMARY = 'pruned quadrature Kalman particle filter (P-QKPF)'
@@ -221,6 +221,6 @@ class PrunedQuadratureParticleFilter(ParticleTracker):
         localiser = self._localiser
         if found.hidden or localiser.unseen_frames:
             return None, None
-        quality = min(max(found.response.peak / localiser.usual_response, 0.2), 1.0)
+        quality = min(max(found.response.peak / localiser.response_unit, 0.2), 1.0)
         error = _MEASURED_ERROR * math.sqrt(math.prod(localiser.size)) / quality
         return np.array(found.place), GaussianNoise.from_covariance(error**2 * np.eye(2))
