@@ -64,7 +64,9 @@ def node(path, namespace, target):
     parameters = dict(target.get('parameters') or {})
     # An empty init_box is left out, because launch has no type for an empty list.
     try:
-        box = checked_init_box(parameters.pop(INIT_BOX, None) or [])
+        value = parameters.pop(INIT_BOX, None)
+        box = checked_init_box([] if value is None else value)
+        check(parameters)
     except (TypeError, ValueError) as error:
         raise ValueError(f'{path}: {namespace}: {error}') from None
     if box is not None:
@@ -77,3 +79,15 @@ def node(path, namespace, target):
         respawn=bool(target.get('respawn')), respawn_delay=1.0,
         additional_env=profile_variables(os.environ),
         output='screen')
+
+
+def check(parameters, prefix=''):
+    """Raise ValueError at what launch would refuse without saying where it is."""
+    for name, value in parameters.items():
+        if not isinstance(name, str):
+            raise ValueError(f'{prefix}{name!r} must be a name')
+        if isinstance(value, dict):
+            check(value, f'{prefix}{name}.')
+        elif not isinstance(value, (bool, int, float, str, list)):
+            raise ValueError(f'{prefix}{name} must be a number, text, true or false, '
+                             f'not {value}')

@@ -85,7 +85,10 @@ def target(text):
 
 def switch(given, name):
     """Return the bool that an argument spells."""
-    value = yaml.safe_load(given[name])
+    try:
+        value = yaml.safe_load(given[name])
+    except yaml.YAMLError:
+        value = None
     if not isinstance(value, bool):
         raise ValueError(f'{name} must be true or false, not {given[name]!r}')
     return value

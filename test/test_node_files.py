@@ -194,6 +194,13 @@ def test_launch_refuses_what_is_no_box(launched, text):
         launched('tracker.launch.py', init_box=text)
 
 
+@pytest.mark.parametrize('text', ['often', '1', '['])
+def test_launch_refuses_what_is_no_switch(launched, text):
+    """An argument that is neither true nor false raises an error that names it."""
+    with pytest.raises(ValueError, match='managed must be true or false, not'):
+        launched('tracker.launch.py', managed=text)
+
+
 def test_launch_starts_again_what_ended(launched, tmp_path):
     """Nodes get `respawn` and `state_file` if they are given; `respawn` must be a bool."""
     node, = launched('tracker.launch.py')
@@ -253,7 +260,11 @@ def test_launch_sets_the_profile_unless_one_is_chosen(launched, monkeypatch, nam
     ('left: /camera', "'left': .*image, .*not '/camera'"), ('7: {image: /camera}', '7: must be'),
     ('left: [image]', r"'left': .*not \['image'\]"),
     ('left: {image: 5}', 'left: image must be text, not 5'),
-    ('left: {parameters: [1]}', r'left: parameters must be names with values, not \[1\]')])
+    ('left: {parameters: [1]}', r'left: parameters must be names with values, not \[1\]'),
+    ('left: {parameters: {init_class: }}', 'left: init_class must be a number, .*, not None'),
+    ('left: {parameters: {pf: {particles: 2026-01-01}}}', 'left: pf.particles must be .*2026'),
+    ('left: {parameters: {pf: {1: 2}}}', 'left: pf.1 must be a name'),
+    ('left: {parameters: {init_box: 0}}', 'left: init_box is 0; valid is')])
 def test_launch_refuses_what_is_no_target(launched, tmp_path, text, words):
     """A wrong entry in the file of targets raises an error that names it and what is valid."""
     path = tmp_path / 'targets.yaml'
