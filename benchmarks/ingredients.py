@@ -156,12 +156,13 @@ def main() -> None:
         scores[half_of(one.name), kind][one.name].append(score)
     parts = [
         '# What each ingredient is worth\n\n'
-        f'Made by `python benchmarks/ingredients.py`: `{arguments.tracker}`, the first '
-        f'{arguments.frames} frames of {len(found)} targets of the shared sequences, '
-        f'seeds: {arguments.seeds}. The first row is the AUC with all ingredients; the others are '
-        'what is lost (-) or gained (+) without one, with the 95 % interval of a paired bootstrap '
-        'over the targets. Rounding errors alone change a mean by up to .005, since a target that '
-        'is lost in one run is kept in another.\n\n'
+        f'Made by `python benchmarks/ingredients.py --frames {arguments.frames} --seeds '
+        f'{arguments.seeds}`: `{arguments.tracker}`, the first {arguments.frames} frames of '
+        f'{len(found)} targets of the shared sequences, seeds: {arguments.seeds}. '
+        'The first row is the AUC with all ingredients; the others are what is lost (-) or '
+        'gained (+) without one, with the 95 % interval of a paired bootstrap over the targets. '
+        'Rounding errors alone change a mean by up to .005, since a target that is lost in one '
+        'run is kept in another.\n\n'
         + facts_text(environment()) + '.\n']
     for half, title in HALVES.items():
         rows = [['without', *(f'{kind} {severity:g}' if kind != 'plain' else kind

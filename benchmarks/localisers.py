@@ -119,10 +119,11 @@ def _page(plain: Results, stressed: dict[str, dict[str, Array]],
         for frames in (arguments.frames, arguments.stressed))
     return (
         '# Localisers: a network under a filter, and alone\n\n'
-        f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py` with the public weights of '
-        f'NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} targets, '
-        f'{length} of each, seeds: {arguments.seeds}, one thread. The figures are explained in '
-        '[evaluate.md](../evaluate.md); intervals are from a bootstrap over the '
+        f'Made by `{FOLDER}=FOLDER python benchmarks/localisers.py --frames {arguments.frames} '
+        f'--seeds {arguments.seeds} --stress-seeds {arguments.stress_seeds}` with the public '
+        f'weights of NanoTrack V2 ([localisers.md](../localisers.md)): {len(plain.sequences)} '
+        f'targets, {length} of each, seeds: {arguments.seeds}, one thread. The figures are '
+        'explained in [evaluate.md](../evaluate.md); intervals are from a bootstrap over the '
         f'targets.\n\n{facts_text(environment())}.\n\n## As they are\n\n{markdown(rows)}\n\n'
         f'{ALONE} has no covariance; its score is taken as the confidence, and it never reports '
         'the target as lost. *cpu ms* is processor time, *ms p99* wall-clock time; both depend on '

@@ -298,7 +298,7 @@ def _page(content: dict[str, Any]) -> str:
         f'the first {START}, which have a column of their own (*at start*); mean and '
         f'standard deviation over seeds {", ".join(map(str, content["seeds"]))}. One thread; all '
         'trackers run in one process and take turns on the same frames. Made by '
-        '`scripts/peers --python benchmarks/speed.py`. '
+        f'`scripts/peers --python benchmarks/speed.py --seeds {len(content["seeds"])}`. '
         f'{facts_text(content["environment"])}.',
         '',
         f'## 640x480, target {TARGET} px', '',

@@ -146,13 +146,13 @@ def _shown(each: list[StressResults]) -> dict[str, object]:
 def _page(results: dict[str, list[StressResults]], arguments: argparse.Namespace) -> str:
     parts = [
         '# Under stress: every tracker and dcf\n\n'
-        f'Made by `python benchmarks/stress.py`, seeds: {arguments.seeds}, each with random '
-        'changes of its own'
-        + (f', the first {arguments.frames} frames' if arguments.frames else '')
-        + '. The kinds are described in [evaluate.md](../evaluate.md#under-stress). In the first '
-        'table of each half, the column dcf is its mean AUC over targets and severities; the '
-        'others are that of a tracker minus that of dcf, with the 95 % interval of a paired '
-        'bootstrap over targets.\n\n'
+        f'Made by `python benchmarks/stress.py --seeds {arguments.seeds}'
+        + (f' --frames {arguments.frames}`, the first {arguments.frames} frames'
+           if arguments.frames else '`')
+        + ', each seed with random changes of its own. The kinds are described in '
+        '[evaluate.md](../evaluate.md#under-stress). In the first table of each half, the column '
+        'dcf is its mean AUC over targets and severities; the others are that of a tracker minus '
+        'that of dcf, with the 95 % interval of a paired bootstrap over targets.\n\n'
         + facts_text(environment()) + '.\n']
     titles = {'tuned': 'The targets on which constants were tuned', 'others': 'The other targets'}
     for half, each in results.items():
