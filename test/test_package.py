@@ -15,6 +15,7 @@ import time
 from xml.etree import ElementTree
 
 import pytest
+from shared_segments import kill
 
 EXECUTABLES = ('tracker', 'tracker_lifecycle', 'vtrack')
 #: Time-out for discovery, for an answer and for the end of a process, in seconds.
@@ -183,8 +184,7 @@ def tracker(workspace: Path) -> Iterator[subprocess.Popen[str]]:
         sourced(workspace, f'exec {executable} --ros-args -p seed:=3'), cwd=workspace,
         env=clean_environment(), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     yield process
-    process.kill()
-    process.wait()
+    kill(process)
 
 
 @pytest.mark.colcon
