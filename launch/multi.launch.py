@@ -37,7 +37,7 @@ def generate_launch_description():
 
 def nodes(context):
     """Return a node for every target of the file."""
-    path = LaunchConfiguration('targets').perform(context)
+    path = os.path.expanduser(LaunchConfiguration('targets').perform(context))
     with open(path) as file:
         targets = yaml.safe_load(file)
     if not isinstance(targets, dict) or not targets:
@@ -58,7 +58,7 @@ def node(path, namespace, target):
         if value is not None and not isinstance(value, KEYS[key]):
             raise ValueError(
                 f'{path}: {namespace}: {key} must be {WORDS[KEYS[key]]}, not {value!r}')
-    file = target.get('params_file')
+    file = os.path.expanduser(target.get('params_file') or '')
     if file and not os.path.isfile(file):
         raise FileNotFoundError(f'{path}: {namespace}: params_file {file} does not exist')
     parameters = dict(target.get('parameters') or {})

@@ -55,8 +55,9 @@ def nodes(context):
                   if given[name]}
     if given['use_sim_time']:
         parameters['use_sim_time'] = switch(given, 'use_sim_time')
-    if given['params_file'] and not os.path.isfile(given['params_file']):
-        raise FileNotFoundError(f"params_file {given['params_file']} does not exist")
+    file = os.path.expanduser(given['params_file'])
+    if file and not os.path.isfile(file):
+        raise FileNotFoundError(f'params_file {file} does not exist')
     box = target(given['init_box'])
     if box is not None:
         parameters[INIT_BOX] = box.as_array().tolist()
@@ -65,7 +66,7 @@ def nodes(context):
         executable='tracker_lifecycle' if switch(given, 'managed') else 'tracker',
         namespace=given['namespace'],
         name=given['name'],
-        parameters=[*filter(None, [given['params_file'], parameters])],
+        parameters=[*filter(None, [file, parameters])],
         remappings=[(name, given[name]) for name in ('image', 'camera_info') if given[name]],
         arguments=['--ros-args', '--log-level', given['log_level']],
         respawn=switch(given, 'respawn'),

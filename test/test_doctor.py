@@ -131,10 +131,15 @@ def test_topics(capsys):
         client.node.create_subscription(Image, '/camera/image_raw', print, QoSProfile(depth=1))
         for topic in ('/silent', '/tracker/debug_image'):
             client.node.create_publisher(Image, topic, qos_profile_sensor_data)
+        still = client.node.create_publisher(Image, '/still', 1)
 
         def send():
+            taken = False
             while not done.wait(0.02):
                 client.images.publish(frame)
+                if not taken and still.get_subscription_count():
+                    still.publish(frame)
+                    taken = True
         thread = threading.Thread(target=send)
         thread.start()
         try:
@@ -149,6 +154,8 @@ def test_topics(capsys):
     assert mismatch.endswith(
         '/client receives nothing from /client: Best effort publisher and reliable subscription')
     assert 'no image was received in 0.6 s' in starting(found, 'wrong /silent')
+    # one image has no rate
+    assert starting(found, 'ok    /still').endswith('bgr8, one image, none of 1 lost')
     # A tracker's debug image, for viewers, is no camera.
     assert not any('debug_image' in line for line in found)
 

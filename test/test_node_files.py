@@ -283,6 +283,17 @@ def test_launch_refuses_a_file_that_is_not_there(launched, tmp_path):
         launched('multi.launch.py', targets=str(path))
 
 
+@pytest.mark.parametrize('name', ['tracker.launch.py', 'multi.launch.py'])
+def test_launch_finds_files_in_the_home_folder(launched, monkeypatch, tmp_path, name):
+    """A shell leaves the ~ after := as it is."""
+    monkeypatch.setenv('HOME', str(tmp_path))
+    (tmp_path / 'mine.yaml').touch()
+    (tmp_path / 'targets.yaml').write_text('left: {params_file: ~/mine.yaml}')
+    given = {'targets': '~/targets.yaml'} if 'multi' in name else {'params_file': '~/mine.yaml'}
+    node, = launched(name, **given)
+    assert node.parameters[0] == str(tmp_path / 'mine.yaml')
+
+
 def test_compressed_images_beside_the_raw_ones():
     """A remap of image alone moves image/compressed as well."""
     with NodeProcess('-r', 'image:=/camera/image_raw', '-r', '__ns:=/arm',

@@ -130,7 +130,7 @@ def _of_topic(topic: Any, seconds: float) -> Iterator[Finding]:
 
 def _of_images(topic: Any, text: str) -> Finding:
     """Return a finding on the images that were received."""
-    text += f'; {topic.form}, {topic.rate:.1f} Hz'
+    text += f'; {topic.form}, ' + (f'{topic.rate:.1f} Hz' if topic.received > 1 else 'one image')
     total = topic.received + topic.lost
     if topic.lost <= _NOTABLE * total:
         return Finding(f'{text}, {topic.lost or "none"} of {total} lost')
