@@ -81,7 +81,7 @@ def test_in_a_browser(tmp_path):
             await page.value('(() => { const one = document.querySelector('
                              "'[name=history_seconds]'); one.value = ''; one.onchange(); })()")
             await page.until("$('told').className == 'wrong' "
-                             "&& document.querySelector('[name=history_seconds]').value == 2")
+                             "&& document.querySelector('[name=history_seconds]').value == 3")
             await page.value("$('reset').click()")
             await page.until("$('state').textContent == 'waiting'")
             await page.painted()

@@ -39,10 +39,10 @@ NODE_PARAMETERS = ParameterTable([
     Parameter('reliability', 'auto', 'Reliability (QoS) of the image subscription; auto adopts '
               'that of the publisher.', choices=('auto', 'reliable', 'best_effort'),
               dynamic=False),
-    Parameter('history_seconds', 2.0, 'How long images are kept, so that a selection with an '
+    Parameter('history_seconds', 3.0, 'How long images are kept, so that a selection with an '
               'older stamp is applied to the image that it was made on. A larger value accepts '
               'older selections.', 0.0, 30.0, 's'),
-    Parameter('history_megabytes', 16.0, 'Maximum memory for the images that are kept for '
+    Parameter('history_megabytes', 256.0, 'Maximum memory for the images that are kept for '
               'selections; beyond it the oldest are dropped.', 0.0, 1024.0, 'MB'),
     Parameter('init_from_detections', False, 'Start on the detection with the highest score on '
               '~/init_detections while there is no target, or the target is lost.'),
