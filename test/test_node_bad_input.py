@@ -241,6 +241,17 @@ def test_calibrations(talk):
     talk.process.wait_for_log('camera_info is not used: it is for 640 x 480', since)
 
 
+def test_a_node_is_not_its_own_detector():
+    """A remap of ~/init_detections to the node's own boxes is told, and not followed."""
+    remaps = ['-r', '__ns:=/own', '-r', '~/init_detections:=/own/detections']
+    with NodeProcess(*remaps, init_from_detections='true') as process, (
+            Client('/own/tracker')) as client:
+        process.wait_for_log('on which this node publishes its own boxes')
+        client.ready()
+        readers = client.node.get_subscriptions_info_by_topic('/own/detections')
+        assert [one.node_name for one in readers] == ['client']
+
+
 @pytest.mark.parametrize('name, value, words', PARAMETERS)
 def test_parameters(talk, name, value, words):
     """A wrong parameter is refused with the reason, and nothing changes."""

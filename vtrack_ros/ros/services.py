@@ -69,6 +69,14 @@ class Services:
     def listen_to_detector(self, on: bool) -> None:
         """Subscribe to ~/init_detections, or unsubscribe."""
         if on and self._detector is None and self._with_vision:
+            topic = self._node.resolve_topic_name('~/init_detections')
+            if topic == self._node.resolve_topic_name('detections'):
+                # it would start on its own last box
+                self._log.error(
+                    f'init_from_detections: ~/init_detections is remapped to {topic}, on which '
+                    "this node publishes its own boxes: no detection is used; give the detector's "
+                    'boxes another topic, or remap detections')
+                return
             self._detector = Input(
                 self._node, self._types['vision_msgs/msg/Detection2DArray'],
                 '~/init_detections', self._on_detections)
