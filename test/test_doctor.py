@@ -177,6 +177,20 @@ def test_a_topic_that_nobody_publishes(capsys):
     assert not any('debug_image' in line for line in found)
 
 
+@pytest.mark.parametrize('two_kinds', [False, True])
+def test_images_of_another_type_than_awaited(capsys, two_kinds):
+    """A node that waits for raw images on a topic of compressed ones is named."""
+    with (Client('/camera/driver', publish=CompressedImage, topic='image') as camera,
+          Client(publish=Image if two_kinds else None, topic='camera/image') as client):
+        client.node.create_subscription(Image, '/camera/image', print, 1)
+        camera.until(lambda: camera.node.count_subscribers('/camera/image'), 'nobody waits')
+        code, found = lines(capsys, '--seconds', '0')
+    assert code == 1
+    assert starting(found, 'ok    /camera/image').endswith('not listened to')
+    assert '/client receives nothing from /client: it publishes sensor_msgs/msg/CompressedImage, '\
+        'not sensor_msgs/msg/Image' in starting(found, 'wrong /camera/image')
+
+
 def test_lost_images(capsys):
     """Without the profile large images are lost, on a busy machine all; the remedy is given."""
     environment = {name: value for name, value in os.environ.items() if name not in VARIABLES}

@@ -78,8 +78,13 @@ def survey(node: Node, executor: SingleThreadedExecutor, seconds: float) -> list
         if seen == known:
             break
         known = seen
-    listeners = [_Listener(node, name, kind) for name, kind in _image_topics(node)
-                 if node.count_publishers(name)]
+    # a participant can't subscribe to a topic as two types: as what is published, if possible
+    kinds: dict[str, str] = {}
+    for name, kind in _image_topics(node):
+        published = {one.topic_type for one in node.get_publishers_info_by_topic(name)}
+        if kind in published or published and name not in kinds:
+            kinds[name] = kind
+    listeners = [_Listener(node, name, kind) for name, kind in kinds.items()]
     _spin(executor, seconds if listeners else 0.0)
     found = [listener.result() for listener in listeners]
     for listener in listeners:
