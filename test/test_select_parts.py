@@ -22,6 +22,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from vision_msgs.msg import (
     BoundingBox2D, Detection2D, Detection2DArray, ObjectHypothesisWithPose)
 
+from vtrack_ros.bags import BagReader
 from vtrack_ros.cli.command_line import main
 from vtrack_ros.dds import leave
 from vtrack_ros.selecting.access import is_loopback
@@ -192,6 +193,34 @@ def test_the_last_viewer_of_a_node_that_has_ended_leaves(tmp_path):
         until(lambda: not images.get_subscription_count())
         [bag] = tmp_path.iterdir()
         assert bag.name.startswith('recording_')
+
+
+def test_a_recording_has_what_comes_while_it_is_busy(tmp_path):
+    """A moment's delay, as for the first image, loses nothing; nor do boxes without a result."""
+    answer = Detection2DArray(detections=[Detection2D(bbox=BoundingBox2D(size_x=2.0, size_y=2.0))])
+    with observed() as (tracker, observer, executor, shown):
+        images = tracker.create_publisher(Image, '/image', 30)
+        answers = tracker.create_publisher(Detection2DArray, '/detections', 30)
+        tracker.create_subscription(Image, '/image', lambda _: None, 10)
+        deadline = time.monotonic() + PATIENCE
+        while not (images.get_subscription_count() == 2 and answers.get_subscription_count()):
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+        observer.record(tmp_path)
+        for second in range(1, 21):
+            image = Image(height=1, width=1, encoding='mono8', step=1, data=bytes(1))
+            image.header.stamp.sec = answer.header.stamp.sec = second
+            images.publish(image)
+            answers.publish(answer)
+        while not (shown and shown[-1] and shown[-1][1].get('stamp') == f'{20 * 10**9}'
+                   and 'box' in shown[-1][1]):
+            assert time.monotonic() < deadline
+            executor.spin_once(timeout_sec=0.1)
+        assert 'covariance' not in shown[-1][1]
+        assert observer.finish_recording().startswith('20 images are in ')
+    with BagReader(next(tmp_path.iterdir())) as bag:
+        assert {topic.name: topic.count for topic in bag.topics.values()} == {
+            '/image': 20, '/detections': 20}
 
 
 def test_a_recording_without_images_ends_with_the_last_viewer(tmp_path):

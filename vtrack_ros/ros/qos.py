@@ -13,7 +13,7 @@ _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 class Input:
     """
-    A subscription with the reliability that the publisher offers, and a queue of one message.
+    A subscription with the reliability that the publisher offers, and a queue of `depth` messages.
 
     With `auto` it begins reliable, and changes to best effort as soon as a publisher appears that
     offers no more: a publisher that waits for its match before it sends loses nothing by that.
@@ -23,13 +23,14 @@ class Input:
     """
 
     def __init__(self, node: Node, kind: Any, topic: str, callback: Callable[..., None],
-                 reliability: str = 'auto', latched: bool = False) -> None:
+                 reliability: str = 'auto', latched: bool = False, depth: int = 1) -> None:
         self._node = node
         self._kind = kind
         self._topic = topic
         self._choice = reliability
         self._callback = callback
         self._latched = latched
+        self._depth = depth
         self._durability = DurabilityPolicy.VOLATILE
         self._policy = (ReliabilityPolicy.BEST_EFFORT if reliability == 'best_effort' else
                         ReliabilityPolicy.RELIABLE)
@@ -114,8 +115,8 @@ class Input:
     def _subscribe(self) -> Any:
         events = SubscriptionEventCallbacks(
             incompatible_qos=lambda _: self.check(), message_lost=self._on_lost)
-        qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=self._policy,
-                         durability=self._durability)
+        qos = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=self._depth,
+                         reliability=self._policy, durability=self._durability)
         return self._node.create_subscription(
             self._kind, self._topic, cast(Any, self._callback), qos, event_callbacks=events)
 

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 #: Buffer length of the newest images and answers, each of which may wait for the other.
 _BUFFER_LENGTH = 8
+#: Queue depth of images and answers: a recording holds the executor up, its first image longest.
+_DEPTH = 30
 #: An answer is shown on a later image only if their stamps differ by less, in nanoseconds.
 _RECENT = 1_000_000_000
 #: The values of ~/state that the page shows.
@@ -174,7 +176,7 @@ class Observer:
         if name in self._inputs:
             self._inputs[name].destroy()
         topic, kind = self._sources[name] = found[0]
-        self._inputs[name] = Input(self._node, _KINDS[kind], topic, callback)
+        self._inputs[name] = Input(self._node, _KINDS[kind], topic, callback, depth=_DEPTH)
 
     def _unsubscribe(self, name: str) -> None:
         if name in self._inputs:
@@ -251,11 +253,15 @@ def _answered(images: Sequence[Any], answers: Sequence[Any]) -> tuple[Any, Any] 
 
 
 def _of_detection(answer: Any) -> dict[str, Any]:
-    """Return the box, and the covariance of its centre (xx, xy, yy) in px^2."""
+    """Return the box, and the covariance of its centre (xx, xy, yy) in px^2, if given."""
     if not answer.detections:
         return {}
     one = answer.detections[0]
-    center, rows = one.bbox.center.position, one.results[0].pose.covariance
-    return {'box': [center.x - one.bbox.size_x / 2, center.y - one.bbox.size_y / 2,
-                    one.bbox.size_x, one.bbox.size_y],
-            'covariance': [rows[0], rows[1], rows[7]]}
+    center = one.bbox.center.position
+    shown = {'box': [center.x - one.bbox.size_x / 2, center.y - one.bbox.size_y / 2,
+                     one.bbox.size_x, one.bbox.size_y]}
+    # another node may publish on the topic, and needn't give a result
+    if one.results:
+        rows = one.results[0].pose.covariance
+        shown['covariance'] = [rows[0], rows[1], rows[7]]
+    return shown

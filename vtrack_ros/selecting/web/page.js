@@ -83,7 +83,7 @@ function draw() {
   if (header.box) {
     pen.strokeStyle = COLOURS[header.state.name] || '#fff';
     pen.strokeRect(...header.box);
-    ellipse(header.box, header.covariance);
+    if (header.covariance) ellipse(header.box, header.covariance);
   }
   if (drag && drag.moved) {
     pen.setLineDash([6 * thin, 4 * thin]);
