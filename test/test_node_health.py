@@ -347,4 +347,4 @@ def test_large_images_that_are_lost_on_the_way_are_told_of():
             client.send(frame, 10**9 + step * index)
             # in real time: a publisher that falls behind its own stamps isn't diagnosed as lossy
             time.sleep(max(0.0, began + 1e-9 * step * index - time.monotonic()))
-        assert 'use the Fast DDS profile config/fastdds.xml in the publisher' in process.log
+        assert 'need the Fast DDS profile config/fastdds.xml in the publisher' in process.log
