@@ -81,7 +81,9 @@ def soak(bench: Bench, windows: int, seconds: float, rate: float,
         (Detection2DArray, '/ours/detections', answers.hear),
         (DiagnosticStatus, '/ours/tracker/state', on_state))]
     results = []
-    with child(*tracker_arguments('ours', 'gmpf', box)) as process:
+    # few images are kept for selections: all that are kept by default take the heap ten seconds
+    few = ('-p', 'history_megabytes:=16.0')
+    with child(*tracker_arguments('ours', 'gmpf', box, *few)) as process:
         bench.until(lambda: publisher.get_subscription_count()
                     and all(one.get_publisher_count() for one in hearing), 'no node was found')
         count, number = round(seconds * rate), 0

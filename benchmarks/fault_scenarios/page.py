@@ -76,7 +76,8 @@ def _soak(soak: dict[str, Any]) -> list[str]:
              f'{len(rows)} minutes at {soak["rate_hz"]:g} Hz, {soak["date"]}: {answered} of '
              f'{sent} images answered, the others replaced by newer ones while the',
              'processor was busy. *Stolen* is the share of processor time that the host gave to',
-             'others; the last minute with no more of it than in the first is shown too.',
+             'others; the last minute with no more of it than in the first is shown too. At most '
+             '16 MB of images are kept for selections (`history_megabytes`).',
              '', f'| | {" | ".join(f"minute {index + 1}" for index in shown)} | wanted |',
              f'| --- | {" | ".join(["---:"] * len(shown))} | --- |']
     for name, key, wanted in (
