@@ -120,6 +120,15 @@ def observed():
         rclpy.try_shutdown(context=context)
 
 
+def spin_until(executor, condition, act=lambda: None):
+    """Spin until a condition holds, with an action before each round."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+        act()
+        executor.spin_once(timeout_sec=0.1)
+
+
 def test_an_answer_that_comes_before_its_image_is_shown_with_it():
     """Until its image comes, the previous image is shown, with its own box."""
     def stamped(message, second):
@@ -129,11 +138,8 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
     def seen(publisher, message):
         """Publish a message; return stamp [s] and box of the picture after it has come."""
         changes.clear()
-        deadline = time.monotonic() + PATIENCE
         publisher.publish(message)
-        while not changes:
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.1)
+        spin_until(executor, lambda: changes)
         _, shown = changes[-1]
         return int(shown['stamp']) // 10**9, shown.get('box')
 
@@ -146,10 +152,8 @@ def test_an_answer_that_comes_before_its_image_is_shown_with_it():
         images = tracker.create_publisher(Image, '/image', 10)
         answers = tracker.create_publisher(Detection2DArray, '/detections', 10)
         tracker.create_subscription(Image, '/image', lambda _: None, 10)
-        deadline = time.monotonic() + PATIENCE
-        while not (images.get_subscription_count() == 2 and answers.get_subscription_count()):
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.1)
+        spin_until(executor, lambda: images.get_subscription_count() == 2
+                   and answers.get_subscription_count())
         assert seen(images, stamped(Image(), 1)) == (1, None)
         assert seen(answers, answer(1)) == (1, [-1.0, -1.0, 2.0, 2.0])
         assert seen(answers, answer(2)) == (1, [-1.0, -1.0, 2.0, 2.0])
@@ -164,33 +168,25 @@ def test_a_node_that_comes_back_with_another_topic_is_followed():
             images = tracker.create_publisher(kind, topic, 10)
             subscription = tracker.create_subscription(kind, topic, lambda _: None, 10)
             shown.clear()
-            deadline = time.monotonic() + PATIENCE
-            while not any(isinstance(message, kind) for message, _ in shown):
-                assert time.monotonic() < deadline, topic
-                images.publish(kind())
-                executor.spin_once(timeout_sec=0.1)
+            spin_until(executor, lambda: any(isinstance(message, kind) for message, _ in shown),
+                       lambda: images.publish(kind()))
             tracker.destroy_subscription(subscription)
 
 
 def test_the_last_viewer_of_a_node_that_has_ended_leaves(tmp_path):
     """The camera goes on, but nothing is received or recorded any more."""
-    def until(condition):
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.1)
     with observed() as (tracker, observer, executor, _):
         camera = Node('camera', context=tracker.context)
         executor.add_node(camera)
         images = camera.create_publisher(Image, '/image', 10)
         tracker.create_subscription(Image, '/image', lambda _: None, 10)
-        until(lambda: images.get_subscription_count() == 2)
+        spin_until(executor, lambda: images.get_subscription_count() == 2)
         executor.remove_node(tracker)
         leave(tracker)
-        until(lambda: 'tracker' not in camera.get_node_names())
+        spin_until(executor, lambda: 'tracker' not in camera.get_node_names())
         observer.record(tmp_path)
         observer.watched = False
-        until(lambda: not images.get_subscription_count())
+        spin_until(executor, lambda: not images.get_subscription_count())
         [bag] = tmp_path.iterdir()
         assert bag.name.startswith('recording_')
 
@@ -202,20 +198,16 @@ def test_a_recording_has_what_comes_while_it_is_busy(tmp_path):
         images = tracker.create_publisher(Image, '/image', 30)
         answers = tracker.create_publisher(Detection2DArray, '/detections', 30)
         tracker.create_subscription(Image, '/image', lambda _: None, 10)
-        deadline = time.monotonic() + PATIENCE
-        while not (images.get_subscription_count() == 2 and answers.get_subscription_count()):
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.1)
+        spin_until(executor, lambda: images.get_subscription_count() == 2
+                   and answers.get_subscription_count())
         observer.record(tmp_path)
         for second in range(1, 21):
             image = Image(height=1, width=1, encoding='mono8', step=1, data=bytes(1))
             image.header.stamp.sec = answer.header.stamp.sec = second
             images.publish(image)
             answers.publish(answer)
-        while not (shown and shown[-1] and shown[-1][1].get('stamp') == f'{20 * 10**9}'
-                   and 'box' in shown[-1][1]):
-            assert time.monotonic() < deadline
-            executor.spin_once(timeout_sec=0.1)
+        spin_until(executor, lambda: shown and shown[-1] and 'box' in shown[-1][1]
+                   and shown[-1][1]['stamp'] == f'{20 * 10**9}')
         assert 'covariance' not in shown[-1][1]
         assert observer.finish_recording().startswith('20 images are in ')
     with BagReader(next(tmp_path.iterdir())) as bag:

@@ -19,7 +19,7 @@ NOTABLE_LOSS = 0.01
 STALE_AFTER = 1.0
 #: Size of Fast DDS's shared-memory segment without our profile, in bytes.
 SEGMENT = 512 * 1024
-#: The advice where large images are lost on the way.
+#: The advice where large images are missing.
 _PROFILE_ADVICE = ('not sent, or lost before they reached this node: images of this size need the '
                    'Fast DDS profile config/fastdds.xml in the publisher and the node')
 
