@@ -17,7 +17,8 @@ from vtrack_ros.evaluation.cache import RunCache, source_files, source_hash, tra
 from vtrack_ros.evaluation.report import html_page
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.runner import run_tracker
-from vtrack_ros.evaluation.sequences import read_folder
+from vtrack_ros.evaluation.sequences import read_bag, read_folder, scene_sequence
+from vtrack_ros.evaluation.stress import stressed_sequence
 from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 from vtrack_ros.trackers import create_tracker, tracker_class
 
@@ -156,6 +157,43 @@ def test_a_video_s_frames_are_those_of_the_sequence(two_sequences):
     for cut in cuts:
         alone = run_tracker(create_tracker('dcf', seed=0), cut.frames(), cut.first_box)
         np.testing.assert_array_equal(together.runs(cut.name, 'dcf')[0].boxes, alone.boxes)
+
+
+def test_a_bag_s_frames_are_those_of_the_sequence(repository, tmp_path):
+    """A sequence cut from a bag has its own frames beside the whole bag."""
+    pytest.importorskip('rosbags', reason='needs rosbags')
+    whole = read_bag(repository / 'bags' / 'face_fast')
+    cut = replace(whole, name='cut', truth=whole.truth[20:], first=whole.first + 20,
+                  intervals=whole.intervals[20:])
+    together = evaluate(['dcf'], [whole, cut], jobs=0)
+    alone = run_tracker(create_tracker('dcf', seed=0), cut.frames(), cut.first_box, cut.steps)
+    np.testing.assert_array_equal(together.runs('cut', 'dcf')[0].boxes, alone.boxes)
+
+
+def test_a_scene_with_another_truth_is_run_again(tmp_path):
+    """Runs of a scene that was cut, or starts elsewhere, aren't those of the whole one."""
+    cache = RunCache(tmp_path / 'cache')
+    whole = scene_sequence('face_fast')
+    moved, short = replace(whole, truth=whole.truth + 3), replace(whole, truth=whole.truth[:20])
+    evaluate(['dcf'], [whole], jobs=0, cache=cache)
+    for one in (moved, short):
+        cached, fresh = (evaluate(['dcf'], [one], jobs=0, cache=kept) for kept in (cache, None))
+        assert not cached.problems and cached.timings == 'measured'
+        np.testing.assert_array_equal(cached.runs('face_fast', 'dcf')[0].boxes,
+                                      fresh.runs('face_fast', 'dcf')[0].boxes)
+
+
+def test_stress_follows_the_target_of_each_sequence(two_sequences):
+    """Two truths of one video, or a part of it, have their own stressed frames."""
+    [one] = read_folder(two_sequences / 'First')
+    others = [replace(one, truth=one.truth + 20), replace(one, truth=one.truth[:6])]
+    stressed = [stressed_sequence(each, 'hidden', 2) for each in (one, *others)]
+    together = evaluate(['dcf'], stressed, jobs=0)
+    for name, each in zip(together.sequences, stressed):
+        alone = run_tracker(create_tracker('dcf', seed=0), each.frames(), each.first_box)
+        np.testing.assert_array_equal(together.runs(name, 'dcf')[0].boxes, alone.boxes)
+    moved = replace(stressed[0], truth=stressed[0].truth + 1)
+    assert moved.fingerprint() != stressed[0].fingerprint()
 
 
 def test_no_picture_is_kept(two_sequences):

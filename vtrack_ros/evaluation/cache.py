@@ -22,9 +22,9 @@ from vtrack_ros.tracker import Tracker
 _PACKAGE = __name__.partition('.')[0]
 _ROOT = Path(__file__).resolve().parents[1]
 _RUNNER = f'{_PACKAGE}.evaluation.runner'
-#: Version of the cache; runs stored under another version are ignored. Some runs of version 1 are
-#: of the wrong frames, where one folder's images had been cut or ordered in several ways.
-_VERSION = 2
+#: Version of the cache; runs stored under another version are ignored. Some runs of versions 1 and
+#: 2 are of the wrong frames, where a folder's or a bag's images had been cut in several ways.
+_VERSION = 3
 
 
 def default_folder() -> Path:

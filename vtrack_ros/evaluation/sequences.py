@@ -94,7 +94,7 @@ class FolderSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a hash of the truth and of every image file's content."""
-        digest = hashlib.sha256(np.ascontiguousarray(self.truth).tobytes())
+        digest = hashlib.sha256(self.truth.tobytes())
         for path in self.images:
             digest.update(hashlib.sha256(path.read_bytes()).digest())
         return digest.hexdigest()
@@ -153,8 +153,8 @@ class BagSequence(Sequence):
 
     @property
     def video(self) -> str:
-        """Return bag and topic."""
-        return f'{self.path}:{self.topic}'
+        """Return bag, topic and first image."""
+        return f'{self.path}:{self.topic}:{self.first}'
 
     @property
     def steps(self) -> Array:
@@ -170,9 +170,9 @@ class BagSequence(Sequence):
 
     def fingerprint(self) -> str:
         """Return a hash of topic, truth, intervals and every file's content."""
-        digest = hashlib.sha256(np.ascontiguousarray(self.truth).tobytes())
+        digest = hashlib.sha256(self.truth.tobytes())
         # Not in the files: how the stamps are understood, which changes from version to version.
-        digest.update(np.ascontiguousarray(self.intervals).tobytes())
+        digest.update(self.intervals.tobytes())
         digest.update(f'{self.topic} {self.first}'.encode())
         files = sorted(self.path.iterdir()) if self.path.is_dir() else [self.path]
         for file in files:
@@ -231,8 +231,8 @@ class SceneSequence(Sequence):
         return (shot.frame for shot in render(self.scene))
 
     def fingerprint(self) -> str:
-        """Return the hash of the frames and the truth, as they were rendered the first time."""
-        return self.digest
+        """Return a hash of the truth, and of the frames as they were rendered the first time."""
+        return hashlib.sha256(self.truth.tobytes() + self.digest.encode()).hexdigest()
 
 
 def scene_sequence(scene: str) -> SceneSequence:
@@ -242,9 +242,7 @@ def scene_sequence(scene: str) -> SceneSequence:
     for shot in render(scene):
         digest.update(np.ascontiguousarray(shot.frame).tobytes())
         boxes.append(shot.truth)
-    truth = truth_rows(boxes)
-    digest.update(truth.tobytes())
-    return SceneSequence(scene, truth, scene, digest.hexdigest())
+    return SceneSequence(scene, truth_rows(boxes), scene, digest.hexdigest())
 
 
 def find_sequences(root: Path) -> tuple[list[Sequence], dict[str, str]]:

@@ -43,9 +43,11 @@ class StressedSequence(Sequence):
 
     @property
     def video(self) -> str:
-        """Return the original's video and target, and the stress: kind, severity and seed."""
-        return (f'{self.original.video} {self.original.name} {self.kind} {self.severity:g} '
-                f'{self.seed}')
+        """Return all that the frames are made from: the original's video, target and stress."""
+        # the stress follows the target, and a part of a video is another plan
+        target = hashlib.sha256(self.original.truth.tobytes() + self.original.steps.tobytes())
+        return (f'{self.original.video} {self.original.name} {target.hexdigest()} {self.kind} '
+                f'{self.severity:g} {self.seed}')
 
     @property
     def boxes(self) -> Array:
@@ -76,11 +78,11 @@ class StressedSequence(Sequence):
                             if index in kept), rng)
 
     def fingerprint(self) -> str:
-        """Return a hash of the original, of the stress and of the source code that makes it."""
+        """Return a hash of original, truth, stress and of the source code that makes it."""
         parts = (self.content or self.original.fingerprint(), self.original.name, self.kind,
                  f'{self.severity:g}', str(self.seed),
                  source_hash('vtrack_ros.evaluation.stress_kinds'))
-        return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
+        return hashlib.sha256('\0'.join(parts).encode() + self.truth.tobytes()).hexdigest()
 
     def _plan(self) -> tuple[StressPlan, np.random.Generator]:
         return _planned(self.original, self.kind, self.severity, self.seed, self.size)
