@@ -14,6 +14,7 @@ import pytest
 from vtrack_ros.evaluation import evaluate, find_sequences, parse_tracker, parse_trackers
 from vtrack_ros.evaluation.results_json import as_json
 from vtrack_ros.evaluation.runner import run_tracker
+from vtrack_ros.evaluation.tracker_specification import TrackerSpecification
 from vtrack_ros.geometry import Box
 from vtrack_ros.trackers import available_peers, create_tracker, tracker_names
 
@@ -169,6 +170,15 @@ def test_wrong_specifications(text, message):
     """The error says what is wrong, and what is valid."""
     with pytest.raises(ValueError, match=message):
         parse_trackers(text)
+
+
+def test_a_label_stands_for_one_tracker(two_sequences):
+    """Trackers given twice run once; two that differ but have one label are refused."""
+    results = evaluate(['pf', 'pf'], two_sequences, jobs=0)
+    assert len(results.trackers) == 1
+    few = TrackerSpecification('pf', 'pf', (('particles', 40),))
+    with pytest.raises(ValueError, match="two trackers have the label 'pf'"):
+        evaluate(['pf', few], two_sequences, jobs=0)
 
 
 @pytest.mark.parametrize('name', available_peers())

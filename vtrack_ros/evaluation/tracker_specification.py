@@ -80,12 +80,22 @@ def parse_trackers(text: str) -> list[TrackerSpecification]:
             pieces.extend(groups[part]() if part in groups else [part])
     if not pieces:
         raise ValueError('no tracker is given; valid are ' + ', '.join(tracker_names()))
-    return specifications(dict.fromkeys(pieces))
+    return specifications(pieces)
 
 
 def specifications(trackers: Iterable[str | TrackerSpecification]) -> list[TrackerSpecification]:
-    """Return each tracker as a specification, parsing those that are text."""
-    return [parse_tracker(one) if isinstance(one, str) else one for one in trackers]
+    """
+    Return each tracker as a specification, parsing those that are text; duplicates are dropped.
+
+    ValueError if a text is wrong, or if two trackers have one label: results are kept by label.
+    """
+    found: dict[str, TrackerSpecification] = {}
+    for one in trackers:
+        one = parse_tracker(one) if isinstance(one, str) else one
+        if found.setdefault(one.label, one) != one:
+            raise ValueError(f'two trackers have the label {one.label!r}; '
+                             'expected another label for each')
+    return list(found.values())
 
 
 def _available_peers() -> tuple[str, ...]:
