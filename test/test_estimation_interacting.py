@@ -97,3 +97,16 @@ def test_moments_are_those_of_samples():
     mean, covariance = moments(mixture, weights)
     assert drawn.mean(axis=0) == pytest.approx(mean, abs=0.03)
     assert np.cov(drawn.T) == pytest.approx(covariance, abs=0.15)
+
+
+def test_as_many_hypotheses_as_one_likes():
+    """Each belief of a large bank has the prediction of its own hypothesis."""
+    densities = np.linspace(1.0, 4.0, 300)
+    bank = KalmanFilter(VelocityHypotheses(2, densities, np.full(300, math.inf)))
+    prior = Gaussian.from_moments(np.ones((300, 4)), np.eye(4))
+    predicted = bank.predict(prior, 0.5)
+    for index in (0, 255, 256, 299):
+        alone = KalmanFilter(ConstantVelocity(2, 0, densities[index])).predict(
+            Gaussian.from_moments(np.ones(4), np.eye(4)), 0.5)
+        assert predicted.mean[index] == pytest.approx(alone.mean[0])
+        assert predicted.covariance[index] == pytest.approx(alone.covariance[0])

@@ -196,6 +196,15 @@ def test_a_covariance_that_is_not_finite_is_not_factorised(value):
         GaussianNoise.from_covariance(np.diag([1.0, value]), 'noise')
 
 
+@pytest.mark.parametrize('name', ['acceleration_density', 'wander_density'])
+def test_a_density_is_the_same_for_moments_and_samples(name):
+    """It can't be changed: samples come from a factor that is cached."""
+    model = ConstantVelocity(2, 1)
+    with pytest.raises(AttributeError, match=name):
+        setattr(model, name, 4.0)
+    assert getattr(model, name) == 1.0
+
+
 def test_whole_numbers_may_be_floats():
     """As for every count, e.g. one that was computed."""
     assert ConstantVelocity(2.0, 2.0).state_dimension == 6

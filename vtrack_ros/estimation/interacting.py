@@ -23,6 +23,8 @@ class VelocityHypotheses(LinearModel):
     Matrices are stacked, shape (K, 2d, 2d), so that a `KalmanFilter` takes K beliefs in one go.
     """
 
+    stacked = True
+
     def __init__(self, positions: int, densities: ArrayLike, time_constants: ArrayLike) -> None:
         self.positions = d = checked_count('positions', positions)
         with np.errstate(divide='ignore'):

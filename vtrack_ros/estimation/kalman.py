@@ -83,7 +83,7 @@ class GaussianFilter(ABC):
         if not 0 <= dt < math.inf:
             raise ValueError(f'dt must be zero or more, and finite, not {dt!r}')
         mean, covariance = np.empty_like(prior.mean), np.empty(prior.covariance.shape)
-        for part in self.blocks(len(prior)):
+        for part in [slice(None)] if self.model.stacked else self.blocks(len(prior)):
             mean[part], covariance[part] = self._predict(
                 prior.mean[part], prior.covariance[part], dt, time)
         return Gaussian(mean, covariance)

@@ -115,6 +115,9 @@ class StateSpaceModel(ABC):
     measured_components: tuple[int, ...] | None = None
     """The components that the measurement depends on; None: all of them."""
 
+    stacked = False
+    """Whether the matrices are stacked, one for each belief: then all are predicted in one go."""
+
     def __init__(self, state_dimension: int, measurement_noise: ArrayLike) -> None:
         self.state_dimension = checked_count('state_dimension', state_dimension)
         noise = np.atleast_2d(np.asarray(measurement_noise, dtype=np.float64))
@@ -240,8 +243,8 @@ class ConstantVelocity(LinearModel):
                  wander_density: float = 1.0, measurement_noise: ArrayLike | None = None) -> None:
         self.positions = positions = checked_count('positions', positions)
         self.wandering = wandering = checked_count('wandering', wandering, least=0)
-        self.acceleration_density = checked_positive('acceleration_density', acceleration_density)
-        self.wander_density = checked_positive('wander_density', wander_density)
+        self._acceleration_density = checked_positive('acceleration_density', acceleration_density)
+        self._wander_density = checked_positive('wander_density', wander_density)
         noise = np.eye(positions) if measurement_noise is None else np.asarray(measurement_noise)
         measured = (positions, positions + wandering)
         if noise.shape not in [(size, size) for size in measured]:
@@ -252,6 +255,16 @@ class ConstantVelocity(LinearModel):
         matrix[:positions, :positions] = np.eye(positions)
         matrix[positions:, 2 * positions:] = np.eye(len(noise) - positions, wandering)
         super().__init__(matrix, noise)
+
+    @property
+    def acceleration_density(self) -> float:
+        """Return the spectral density of the acceleration, [unit^2/s^3]."""
+        return self._acceleration_density
+
+    @property
+    def wander_density(self) -> float:
+        """Return the variance that a wandering component gains per unit of time, [unit^2/s]."""
+        return self._wander_density
 
     def transition_matrix(self, dt: float) -> Array:
         d = self.positions
