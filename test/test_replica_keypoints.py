@@ -117,6 +117,12 @@ def test_sift_finds_the_rotation_of_a_picture(enlargement):
     assert_allclose(middle[:2], center, atol=1.5 * enlargement)
 
 
+@pytest.mark.parametrize('target', [(3e5, 1.0), (1.0, 3e5), (1e6, 5.0)])
+def test_keypoints_of_a_very_thin_target_are_in_it(target):
+    found = detected(_texture(), (80.0, 80.0), target, reach=2.0)
+    assert (np.abs(found.points - 80) <= np.maximum(target, 1)).all()
+
+
 def test_a_plain_picture_has_no_keypoints_and_no_matches():
     found = detected(np.full((80, 80, 3), 90, np.uint8), (40.0, 40.0), (60.0, 60.0))
     assert len(found.points) == 0

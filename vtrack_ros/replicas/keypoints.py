@@ -12,6 +12,8 @@ from vtrack_ros.geometry import affine
 
 #: Largest mean side of the window that keypoints are detected in, and of the target, in samples.
 _RESOLUTION, _TARGET = 80, 50
+#: Smallest and largest side of the window, in samples: of a thin one there are no more in all.
+_SHORTEST, _LONGEST = 8, _RESOLUTION**2 // 8
 #: Largest number of keypoints in a window.
 _KEYPOINTS = 80
 #: Ratio test: upper bound of a match's descriptor distance to the second nearest's [Lowe 2004].
@@ -57,7 +59,7 @@ def detected(frame: Frame, center: Point, target: Point, reach: float = 1.0) -> 
     size = reach * target[0], reach * target[1]
     side = min(_RESOLUTION, reach * _TARGET)
     shrink = min(1.0, side / float(np.sqrt(size[0] * size[1])))
-    columns, rows = (max(8, round(length * shrink)) for length in size)
+    columns, rows = (min(max(_SHORTEST, round(length * shrink)), _LONGEST) for length in size)
     whole = PixelWindow.about(center, size)
     window = whole.sampled(frame, rows, columns)
     if window.ndim == 3:
