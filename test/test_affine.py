@@ -37,6 +37,14 @@ def test_logarithm_inverts_the_exponential(coordinates):
     assert_allclose(affine.logarithm(affine.exponential(element)), element, atol=1e-8)
 
 
+@pytest.mark.parametrize('size', [1e-6, 1e-3, 1e3, 1e6])
+def test_logarithm_of_a_map_by_any_scale(size):
+    uniform = np.diag([size, size, 1.0])
+    assert_allclose(affine.logarithm(uniform), np.log(size) * np.diag([1.0, 1.0, 0.0]), atol=1e-9)
+    element = affine.from_coordinates([np.log(size), 0.02, 0.3, -0.01, 0.0, 0.0])
+    assert_allclose(affine.logarithm(scipy.linalg.expm(element)), element, atol=1e-8)
+
+
 def test_logarithm_is_undefined_from_half_a_turn_and_for_mirror_images():
     half_turn, mirrored = np.diag([-1.0, -1.0, 1.0]), np.diag([-1.0, 1.0, 1.0])
     assert np.isnan(affine.logarithm(np.array([half_turn, mirrored]))).all()

@@ -32,6 +32,14 @@ def test_what_is_no_size(size, words):
         Box(1, 2, 3, size)
 
 
+@pytest.mark.parametrize('side', [1e-200, 1.0, 1e200])
+def test_the_overlap_does_not_depend_on_the_unit(side):
+    """Also where an area is no float: half of one box is a quarter of the other."""
+    box, other = Box(0, 0, side, 2 * side), Box(0, side, 2 * side, 2 * side)
+    assert box.iou(other) == other.iou(box) == pytest.approx(1 / 5)
+    assert box.iou(box) == 1
+
+
 @pytest.mark.parametrize('angle', [0.0, 0.4, -1.0, np.pi / 2, 3.0])
 def test_the_box_around_a_turned_ellipse(angle):
     """It touches the ellipse on all sides: the extremes of its points."""

@@ -9,8 +9,8 @@ from vtrack_ros.frame import Array
 
 _Complex = NDArray[np.complex128]
 
-#: Lower clamp of half the difference of two eigenvalues: below it, a quotient of differences loses
-#: digits.
+#: Lower clamp of half the difference of two eigenvalues, relative to the function's own scale:
+#: below it, a quotient of differences loses digits.
 _LEAST_RADIUS = 1e-5
 
 
@@ -58,7 +58,7 @@ def logarithm(transformation: Array) -> Array:
     defined = (area > 0) & ((half_trace > 0) | (half_trace**2 < area))
     safe = np.where(defined[..., None, None], linear, np.eye(2))
     result = np.zeros_like(transformation)
-    result[..., :2, :2] = logarithm_of_linear = _function(np.log, safe)
+    result[..., :2, :2] = logarithm_of_linear = _function(np.log, safe, scale(safe))
     inverse = _function(lambda z: 1 / _relative_exponential(z), logarithm_of_linear)
     result[..., :2, 2] = _times(inverse, translation)
     result[~defined] = np.nan
@@ -189,10 +189,12 @@ def _relative_exponential(z: _Complex) -> _Complex:
     return np.where(zero, 1.0, np.expm1(z) / np.where(zero, 1.0, z))
 
 
-def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
+def _function(function: Callable[[_Complex], _Complex], linear: Array,
+              size: Array | float = 1.0) -> Array:
     """
     Return an analytic function, real on the real axis, of 2 x 2 matrices.
 
+    It must be smooth over distances of about `size`, which broadcasts with the matrices (...).
     With eigenvalues m +- r and traceless part B, it's
     (f(m + r) + f(m - r)) / 2 I + (f(m + r) - f(m - r)) / (2 r) B.
     """
@@ -200,7 +202,8 @@ def _function(function: Callable[[_Complex], _Complex], linear: Array) -> Array:
     traceless = linear - middle[..., None, None] * np.eye(2)
     radius: _Complex = np.sqrt(-determinant(traceless) + 0j)
     # if the eigenvalues are equal, a small step about them gives the derivative
-    radius = np.where(np.abs(radius) < _LEAST_RADIUS, complex(_LEAST_RADIUS), radius)
+    least = _LEAST_RADIUS * size
+    radius = np.where(np.abs(radius) < least, least + 0j, radius)
     above, below = function(middle + radius), function(middle - radius)
     even, odd = ((above + below) / 2).real, ((above - below) / (2 * radius)).real
     return even[..., None, None] * np.eye(2) + odd[..., None, None] * traceless

@@ -96,8 +96,11 @@ class Box:
         overlap_y = min(self.y + self.height, other.y + other.height) - max(self.y, other.y)
         if overlap_x <= 0 or overlap_y <= 0:
             return 0.0
-        overlap = overlap_x * overlap_y
-        return overlap / (self.area + other.area - overlap)
+        # areas in units of the larger sides, for those of extreme boxes are no floats
+        wide, high = max(self.width, other.width), max(self.height, other.height)
+        overlap = (overlap_x / wide) * (overlap_y / high)
+        areas = ((box.width / wide) * (box.height / high) for box in (self, other))
+        return overlap / (sum(areas) - overlap)
 
     def center_distance(self, other: Box) -> float:
         """Return the distance between the two centres, in pixels."""
