@@ -241,6 +241,17 @@ def test_calibrations(talk):
     talk.process.wait_for_log('camera_info is not used: it is for 640 x 480', since)
 
 
+def test_calibrations_that_are_wrong_in_a_new_way_each(talk):
+    """The log doesn't fill with them, and the target is tracked on."""
+    restart(talk)
+    since = len(talk.process.log)
+    for number in range(40):
+        talk.publishers['camera_info'].publish(camera_info(fx=-1.0 - number))
+        assert good_frame(talk).detections
+    talk.process.wait_for_log('fx and fy of k are -1 and', since)
+    assert 10 < talk.process.log[since:].count('must be positive') <= 20
+
+
 def test_a_node_is_not_its_own_detector():
     """A remap of ~/init_detections to the node's own boxes is told, and not followed."""
     remaps = ['-r', '__ns:=/own', '-r', '~/init_detections:=/own/detections']

@@ -23,6 +23,8 @@ from vtrack_ros.tracker import Estimate
 THROTTLE = 2.0
 #: Time, [s], by which an image may be stamped ahead of the node's clock without a warning.
 _CLOCKS_APART = 0.05
+#: Number of different faults of the calibration that are logged.
+_MOST_FAULTS = 20
 #: The covariance of a box that is known exactly.
 _EXACT = np.zeros((4, 4))
 
@@ -84,14 +86,14 @@ class PosePublisher:
             self._publishers.publish_transform(header, position, estimate.angle, child)
 
     def on_camera_info(self, message: CameraInfo) -> None:
-        """Take a calibration; a wrong one is dropped, and the log says each reason once."""
+        """Take a calibration; a wrong one is dropped, and the log says why, once each."""
         try:
             self._camera = camera_from_info(message)
         except ValueError as error:
             self._camera = None
             pixels = self._node.settings.text('pose_units') in ('auto', 'pixels')
             fault = f"{error}; {'the pose is in pixels' if pixels else 'there is no pose'}"
-            if fault not in self._faults:
+            if fault not in self._faults and len(self._faults) < _MOST_FAULTS:
                 # the driver of an uncalibrated camera sends this with every image
                 self._faults.add(fault)
                 self._log.warning(fault)
